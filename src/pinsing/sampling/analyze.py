@@ -37,6 +37,7 @@ from pinsing.sampling.generalize import (
     Finding,
     JointCondition,
     finding_spans,
+    held,
 )
 from pinsing.sampling.map_plan import BLOCK
 from pinsing.sampling.sweep_plan import SAMPLES, SPECIAL_ANGLES, Special
@@ -119,10 +120,8 @@ def singular_configurations(
     collector = _Collector(arm, exact, result, tester, points.where(sharp))
     table = CurveTable(plan)
     for fixed in plan.forced:
-        held = tuple(arm.joints.index(name) for name in fixed)
-        values = np.zeros(arm.n)
-        values[list(held)] = list(fixed.values())
-        collector.add(tester.condition(held, values), table.of_set(fixed))
+        row = np.array([fixed.get(name, np.nan) for name in arm.joints])
+        collector.add(tester.condition(row), table.of_set(fixed))
     collector.explain(until)
     findings = collector.findings(until)
     blunt = points.where(~sharp & (points.ratio <= NEAR_RTOL))
@@ -209,15 +208,14 @@ class _Collector:
 
     def _related(self, condition: JointCondition, Q: Array) -> Bool:
         """Which of Q (P, n) owe their singularity to all joints of a relation, and no fewer."""
-        held = tuple(self.exact.joints.index(name) for name in condition.depends_on)
+        joints = tuple(self.exact.joints.index(name) for name in condition.depends_on)
 
         def forced(subset: tuple[int, ...]) -> Bool:
-            worst = self.tester.worst_ratios([subset] * len(Q), Q, 6)
             # sigma_r / sigma_1 of a member of a relation, from refined values
-            return np.asarray(worst <= 1e-6)
+            return np.asarray(self.tester.worst_ratios(held(Q, subset), 6) <= 1e-6)
 
-        fewer = itertools.combinations(held, len(held) - 1)
-        return np.asarray(forced(held) & ~np.any([forced(s) for s in fewer], axis=0))
+        fewer = itertools.combinations(joints, len(joints) - 1)
+        return np.asarray(forced(joints) & ~np.any([forced(s) for s in fewer], axis=0))
 
     def explain(self, until: float = math.inf) -> None:
         """Generalise points until every one lies on a condition."""
@@ -334,7 +332,7 @@ def _valleys(
     while left.any() and len(found) < 12 and time.monotonic() <= until:
         i = int(np.flatnonzero(left)[0])
         left[i] = False
-        for condition in tester.plain_conditions(points.q[i]):
+        for condition in map(tester.stated, tester.minimal_sets(points.q[i])):
             # near-singular valleys are wide
             rows = on_condition(exact, condition, points.q, 0.05)
             left &= ~rows

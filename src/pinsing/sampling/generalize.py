@@ -16,7 +16,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike
+from pinsing._types import Array, ArrayLike, Bool
 from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.kinematics.batch import own_scale
@@ -26,6 +26,7 @@ from pinsing.measures import Reachability
 from pinsing.prose import Span, listed, unbroken, verdict
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import nominal
+from pinsing.sampling.map_plan import BLOCK
 from pinsing.serialization import JsonResult, Written
 
 
@@ -299,7 +300,10 @@ def generalize(
 
 
 class ConditionTester:
-    """Tests joint values against the same random values of the other ``joints`` that matter."""
+    """Tests joint values against the same random values of the other ``joints`` that matter.
+
+    Values that are held are rows (n,), with NaN where a joint is free.
+    """
 
     def __init__(
         self,
@@ -322,21 +326,19 @@ class ConditionTester:
         self.samples = samples
         self.metric = own_scale(arm).columns
 
-    def worst_ratios(
-        self, subsets: Sequence[tuple[int, ...]], values: Array, samples: int | None = None
-    ) -> Array:
-        """Greatest sigma_r / sigma_1 for each subset held at its entries of values (S, n)."""
-        count = self.samples if samples is None else samples
-        held = np.zeros((len(subsets), self.arm.n), dtype=bool)
-        of = np.repeat(np.arange(len(subsets)), [len(subset) for subset in subsets])
-        held[of, np.fromiter(itertools.chain.from_iterable(subsets), np.intp, len(of))] = True
-        Q = np.where(held[:, None], values[:, None], self.others[None, :count])
-        ratio = ratios(self.arm, Q.reshape(-1, self.arm.n))
-        return np.asarray(ratio.reshape(len(subsets), count).max(axis=1))
+    def worst_ratios(self, rows: Array, samples: int | None = None) -> Array:
+        """Greatest sigma_r / sigma_1 (S,) with each of the rows (S, n) held."""
+        others, found = self.others[: samples or self.samples], [np.zeros(0)]
+        for start in range(0, len(rows), BLOCK):
+            held = rows[start : start + BLOCK, None]
+            Q = np.where(np.isnan(held), others, held)
+            ratio = ratios(self.arm, Q.reshape(-1, self.arm.n))
+            found.append(ratio.reshape(Q.shape[:2]).max(axis=1))
+        return np.concatenate(found)
 
-    def forces(self, subset: tuple[int, ...], values: Array) -> bool:
-        """Tell if the joints of ``subset`` at their entries of values (n,) force a singularity."""
-        return bool(self.worst_ratios([subset], values[None])[0] <= self.rtol)
+    def forces(self, row: Array) -> bool:
+        """Tell if the values that a row holds force a singularity."""
+        return bool(self.worst_ratios(row[None])[0] <= self.rtol)
 
     def snap(self, q: Array) -> Array:
         """Put values near special ones there, one by one, as long as q stays as singular."""
@@ -349,120 +351,111 @@ class ConditionTester:
                 snapped = trial
         return snapped
 
-    def minimal_subsets(self, q: Array) -> list[tuple[tuple[int, ...], Array]]:
-        """Smallest sets of joints whose values at q force it, with those values polished."""
-        found: list[tuple[tuple[int, ...], Array]] = []
+    def minimal_sets(self, q: Array) -> list[Array]:
+        """Rows of the fewest joints whose values at q (n,) force it, with those values polished."""
+        found: list[Array] = []
         for size in range(len(self.joints) + 1):
-            subsets = [
-                s
-                for s in itertools.combinations(self.joints, size)
-                if not any(set(f) <= set(s) for f, _ in found)
-            ]
-            if not subsets:
+            rows = [held(q, subset) for subset in itertools.combinations(self.joints, size)]
+            rows = [row for row in rows if not any(np.isnan(f[np.isnan(row)]).all() for f in found)]
+            if not rows:
                 break
-            screened = self.worst_ratios(subsets, np.repeat(q[None], len(subsets), axis=0), _SCREEN)
+            screened = self.worst_ratios(np.array(rows), _SCREEN)
             loose = max(1e-6, self.rtol)  # ratio for candidates, before their values are polished
-            for s in (s for s, worst in zip(subsets, screened, strict=True) if worst <= loose):
-                polished = next((v for v in self._polished(s, q) if self.forces(s, v)), None)
-                if polished is not None:
-                    found.append((s, polished))
+            for k in np.flatnonzero(screened <= loose):
+                found += list(itertools.islice(filter(self.forces, self._polished(rows[k])), 1))
         return found
 
     def conditions(self, q: Array) -> tuple[JointCondition, ...]:
         """All conditions that q (n,) is an instance of."""
         found: list[JointCondition] = []
-        for subset, values in self.minimal_subsets(q):
-            condition = self.condition(subset, values)
+        for row in self.minimal_sets(q):
+            condition = self.condition(row)
             if not any(condition.same_as(known) for known in found):
                 found.append(condition)
         return tuple(found)
 
-    def plain_conditions(self, q: Array) -> tuple[JointCondition, ...]:
-        """``conditions`` without the question whether values are isolated or related."""
-        return tuple(
-            self._stated(subset, values, frozenset(), subset, values)
-            for subset, values in self.minimal_subsets(q)
-        )
-
-    def condition(self, subset: tuple[int, ...], values: Array) -> JointCondition:
-        """Condition that ``subset`` at values (n,) stands for: values, relation or both."""
-        related, forced, at = self._related(subset, values), subset, values
+    def condition(self, row: Array) -> JointCondition:
+        """Condition that the values of a row stand for: values, relation or both."""
+        related, at = self._related(row), row
         for _ in range(3):
-            if not related:
+            if not related.any():
                 break
             # A special member of a relation may hide joints that it depends on: go to a
             # generic member and look again.
             # push that leads from a special member of a relation to a generic one
-            points = self._push(forced, at, 0.05)
+            points = self._push(at, 0.05)
             if not len(points):
                 break
-            wider = [(s, v) for s, v in self.minimal_subsets(points[0]) if set(s) & set(related)]
-            if not wider or set(wider[0][0]) == set(forced):
+            wider = [r for r in self.minimal_sets(points[0]) if not np.isnan(r[related]).all()]
+            if not wider or (np.isnan(wider[0]) == np.isnan(at)).all():
                 break
-            forced, at = wider[0]
-            related = self._related(forced, at)
-        return self._stated(forced, at, related, subset, values)
+            at = wider[0]
+            related = self._related(at)
+        return self.stated(row, at, related)
 
-    def _stated(
-        self,
-        forced: tuple[int, ...],
-        at: Array,
-        related: frozenset[int],
-        subset: tuple[int, ...],
-        values: Array,
+    def stated(
+        self, row: Array, at: Array | None = None, related: Bool | None = None
     ) -> JointCondition:
+        """Condition of the values of a row: those of ``at`` but where joints are ``related``."""
+        at = row if at is None else at
+        related = np.zeros(len(row), dtype=bool) if related is None else related
         names, prismatic = self.arm.joints, self.arm.prismatic
 
-        def by_name(joints: Sequence[int], numbers: Array) -> dict[str, float]:
-            return {names[i]: tidy(float(numbers[i]), bool(prismatic[i])) for i in joints}
+        def by_name(values: Array) -> dict[str, float]:
+            there = np.flatnonzero(~np.isnan(values))
+            return {names[i]: tidy(float(values[i]), bool(prismatic[i])) for i in there}
 
+        slides = prismatic & ~(np.isnan(at) & np.isnan(row))
         return JointCondition(
-            fixed=by_name([i for i in forced if i not in related], at),
-            related=tuple(names[i] for i in forced if i in related),
-            forced_by=by_name(subset, values),
-            prismatic=tuple(names[i] for i in sorted({*forced, *subset}) if prismatic[i]),
+            fixed=by_name(np.where(related, np.nan, at)),
+            related=tuple(names[i] for i in np.flatnonzero(related)),
+            forced_by=by_name(row),
+            prismatic=tuple(names[i] for i in np.flatnonzero(slides)),
             tested=self.samples,
-            worst_ratio=float(self.worst_ratios([subset], values[None])[0]),
+            worst_ratio=float(self.worst_ratios(row[None])[0]),
         )
 
-    def _polished(self, subset: tuple[int, ...], q: Array) -> Iterator[Array]:
-        """Values near q (n,) that may force it to ``rtol``."""
-        near = special_nearby(self.arm, q)
-        yield np.where(np.abs(near - q) <= SNAP_TOL, near, q)
-        yield q
-        ends = self._push(subset, q, 0.0)
+    def _polished(self, row: Array) -> Iterator[Array]:
+        """Values near those of a row that may force it to ``rtol``."""
+        near = special_nearby(self.arm, row)
+        yield np.where(np.abs(near - row) <= SNAP_TOL, near, row)
+        yield row
+        ends = self._push(row, 0.0)
         if len(ends):
-            settled = q.copy()
-            settled[list(subset)] = _middle(ends[:, list(subset)])
-            yield settled
+            yield np.where(np.isnan(row), np.nan, _middle(ends))
 
-    def _push(self, subset: tuple[int, ...], values: Array, size: float) -> Array:
-        """Singular configurations (P, n) near the values, the other joints at random."""
-        held = list(subset)
-        Q = self.others[:_PUSHES].copy()
-        Q[:, held] = values[held] + size * (self.pushes * self.metric)[:, held]
-        ends = approach(self.arm, Q, np.isin(np.arange(self.arm.n), held))
+    def _push(self, row: Array, size: float) -> Array:
+        """Singular configurations (P, n) near the values of a row, the other joints at random."""
+        free = np.isnan(row)
+        pushed = row + size * (self.pushes * self.metric)
+        ends = approach(self.arm, np.where(free, self.others[:_PUSHES], pushed), ~free)
         return np.asarray(ends.q[ends.ratio <= self.rtol])
 
-    def _related(self, subset: tuple[int, ...], values: Array) -> frozenset[int]:
-        """Return joints of the subset that do not come back when pushed a little off their values.
+    def _related(self, row: Array) -> Bool:
+        """Return joints (n,) of a row that do not come back when pushed a little off its values.
 
         A continuum lets no push come back; another family nearby can catch a large push, no small
         one.
         """
-        moved: frozenset[int] | None = None
+        there = ~np.isnan(row)
+        moved = np.zeros(len(row), dtype=bool)
         # radians or length scales, to see whether values are isolated
-        for size in (1e-2, 1e-3, 1e-4) if len(subset) > 1 else ():
-            ends = self._push(subset, values, size)
+        for size in (1e-2, 1e-3, 1e-4) if there.sum() > 1 else ():
+            ends = self._push(row, size)
             if len(ends) < _PUSHES // 2:
                 continue
-            away = _middle(np.abs(ends - values) / self.metric)
+            away = _middle(np.abs(ends - row) / self.metric)
             # of the push: values of which none ends farther away are isolated
-            if away[list(subset)].max() <= 0.1 * size:
-                return frozenset()
+            if away[there].max() <= 0.1 * size:
+                return np.zeros(len(row), dtype=bool)
             # of the push: else, a single value that ends nearer is fixed nevertheless
-            moved = moved or frozenset(i for i in subset if away[i] > 1e-4 * size)
-        return moved or frozenset()
+            moved = moved if moved.any() else away > 1e-4 * size
+        return moved
+
+
+def held(q: Array, joints: Sequence[int]) -> Array:
+    """Values of q (..., n) of some joints, NaN of the others."""
+    return np.where(np.isin(np.arange(q.shape[-1]), joints), q, np.nan)
 
 
 def special_nearby(arm: Arm, q: Array) -> Array:

@@ -20,7 +20,7 @@ from pinsing.measures import ROUNDING
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.nominal import ANGLE_TOL, nominal as nominal_geometry
 from pinsing.sampling.generalize import ConditionTester, apart, value_text
-from pinsing.sampling.map_plan import BLOCK, moving_ranges
+from pinsing.sampling.map_plan import moving_ranges
 from pinsing.serialization import JsonResult
 
 SPECIAL_ANGLES = (0.0, math.pi / 2, -math.pi / 2, math.pi, -math.pi)
@@ -185,20 +185,24 @@ def uniform_configurations(
     if arm.prismatic.all():
         return ()
     flat = itertools.chain(*special.values()) if isinstance(special, Mapping) else special
-    found: list[tuple[float, Array]] = []
-    outside: list[str] = []
-    for value in flat:
-        if any(apart(value, known, False) < ROUNDING for known, _ in found):
-            continue
-        q = np.where(arm.prismatic, nominal, value)
-        if not ignore_limits and arm.space.unreachable(q).any():
-            outside.append(value_text(value))
-            continue
-        found.append((float(value), q if ignore_limits else arm.fold(q)))
-    if outside:
-        places = ", ".join(outside)
+    values = np.array(list(flat), dtype=float)
+    Q = np.where(arm.prismatic, nominal, values[:, None])
+    outside = arm.space.unreachable(Q).any(axis=1) & (not ignore_limits)
+    if outside.any():
+        places = ", ".join(value_text(value) for value in values[outside].tolist())
         notes.append(f"not tried, being outside the joint limits: all joints at {places} at once")
-    return tuple(found)
+    inside = distinct(values[~outside].tolist(), False)
+    rows = np.where(arm.prismatic, nominal, np.reshape(inside, (-1, 1)))
+    return tuple(zip(inside, rows if ignore_limits else arm.fold(rows), strict=True))
+
+
+def distinct(values: Iterable[float], slides: bool) -> list[float]:
+    """Values of a joint, those that are the same but for whole turns once."""
+    kept: list[float] = []
+    for value in values:
+        if all(apart(value, known, slides) >= ROUNDING for known in kept):
+            kept.append(value)
+    return kept
 
 
 def choose_nominal(
@@ -251,43 +255,38 @@ def special_values(
     for name in by_joint:
         UnknownNameError.refuse_if(name not in arm.joints, "joint", name, arm.joints)
     common = SPECIAL_ANGLES if isinstance(special, Mapping) else tuple(special)
-    own = special is not SPECIAL_ANGLES
     result, left_out = [], []
     used: set[float] = set()
     merged = False
     for i, name in enumerate(arm.joints):
         slides = bool(arm.prismatic[i])
         usual = (0.0, float(arm.span[0][i] + arm.span[1][i]) / 2) if slides else common
-        kept: list[float] = []
-        for value in by_joint.get(name, usual):
-            OptionError.refuse_if(
-                not math.isfinite(value), f"special value {value} of {name} is not finite"
-            )
-            row = np.zeros(arm.n)
-            row[i] = value
-            arm.check(row, "special")
-            folded = value if ignore_limits else float(arm.fold(row)[i])
-            room = ROUNDING if slides else ANGLE_TOL  # files say 1.5707 for 90 degrees
-            if not ignore_limits and not arm.lower[i] - room <= folded <= arm.upper[i] + room:
-                if name in by_joint:
-                    raise ConfigurationError(
-                        f"special value {value:g} of {name} is outside its limits "
-                        f"[{arm.lower[i]:g}, {arm.upper[i]:g}]; "
-                        "change it, or sweep with ignore_limits",
-                        joint=name,
-                        value=float(value),
-                        limits=(float(arm.lower[i]), float(arm.upper[i])),
-                    )
-                left_out.append(f"{name} = {value_text(value, slides)}")
-                continue
-            used.add(value)
-            if all(apart(folded, k, slides) >= ROUNDING for k in kept):
-                kept.append(folded)
-            else:
-                merged = merged or not slides
-        result.append(np.array(kept, dtype=float))
-    if own and not isinstance(special, Mapping) and not arm.prismatic.all():
-        for value in common:
+        values = np.array(by_joint.get(name, usual), dtype=float)
+        for value in values[~np.isfinite(values)]:
+            raise OptionError(f"special value {value} of {name} is not finite")
+        rows = np.zeros((len(values), arm.n))
+        rows[:, i] = values
+        arm.check(rows, "special")
+        room = ROUNDING if slides else ANGLE_TOL  # files say 1.5707 for 90 degrees
+        folded = rows if ignore_limits else arm.fold(rows)
+        outside = arm.space.outside(folded, room)[:, i] & (not ignore_limits)
+        for value in values[outside].tolist():
+            if name in by_joint:
+                raise ConfigurationError(
+                    f"special value {value:g} of {name} is outside its limits "
+                    f"[{arm.lower[i]:g}, {arm.upper[i]:g}]; "
+                    "change it, or sweep with ignore_limits",
+                    joint=name,
+                    value=value,
+                    limits=(float(arm.lower[i]), float(arm.upper[i])),
+                )
+            left_out.append(f"{name} = {value_text(value, slides)}")
+        inside = folded[~outside, i].tolist()
+        used |= set(values[~outside].tolist())
+        result.append(np.array(distinct(inside, slides), dtype=float))
+        merged = merged or (not slides and len(result[-1]) < len(inside))
+    if special is not SPECIAL_ANGLES and not isinstance(special, Mapping):
+        for value in () if arm.prismatic.all() else common:
             ConfigurationError.refuse_if(
                 value not in used,
                 f"special value {value:g} is outside the limits of every joint; "
@@ -469,37 +468,26 @@ def _combinations(
         "choose fewer levels or joints",
     )
     tester = ConditionTester(exact, range(0), seed=seed)
-    found: list[frozenset[tuple[int, float]]] = []
+    found: list[Array] = []
     planned = []
     for level in range(1, top + 1):
         sets = [
-            tuple(zip(js, vs, strict=True))
-            for js in itertools.combinations(swept, level)
-            for vs in itertools.product(*(effects[j].special.tolist() for j in js))
+            (joints, values)
+            for joints in itertools.combinations(swept, level)
+            for values in itertools.product(*(effects[j].special.tolist() for j in joints))
         ]
-        new = np.array([not any(f <= set(s) for f in found) for s in sets], dtype=bool)
+        joints = np.array([js for js, _ in sets], dtype=np.intp).reshape(-1, level)
+        rows = np.full((len(sets), exact.n), np.nan)
+        values = np.array([vs for _, vs in sets], dtype=float).reshape(-1, level)
+        np.put_along_axis(rows, joints, values, axis=1)
+        new = np.ones(len(sets), dtype=bool)  # holds no forced set of fewer joints
+        for known in found:
+            new &= (rows != known)[:, ~np.isnan(known)].any(axis=1)
         if prune:
-            sets, new = [s for s, n in zip(sets, new, strict=True) if n], new[new]
-        js = np.array([[j for j, _ in s] for s in sets], dtype=np.intp).reshape(-1, level)
-        vs = np.array([[v for _, v in s] for s in sets], dtype=float).reshape(-1, level)
-        forced = new & _forced(tester, js, vs, new)
-        found += [frozenset(s) for s, f in zip(sets, forced, strict=True) if f]
-        planned.append(PlannedLevel(level, js, vs, forced, level in asked))
+            joints, values, rows, new = joints[new], values[new], rows[new], new[new]
+        forced = new.copy()
+        forced[new] = tester.worst_ratios(rows[new], 2) <= tester.rtol
+        forced[forced] = [tester.forces(row) for row in rows[forced]]
+        found += list(rows[forced])
+        planned.append(PlannedLevel(level, joints, values, forced, level in asked))
     return tuple(planned)
-
-
-def _forced(tester: ConditionTester, joints: NDArray[np.intp], values: Array, ask: Bool) -> Bool:
-    """Which sets (S, k) are singular whatever the others; only those to ``ask`` of are tested."""
-    forced = np.zeros(len(joints), dtype=bool)
-    rows = np.flatnonzero(ask)
-    for start in range(0, len(rows), BLOCK):
-        chunk = rows[start : start + BLOCK]
-        full = np.zeros((len(chunk), tester.arm.n))
-        np.put_along_axis(full, joints[chunk], values[chunk], axis=1)
-        subsets = [tuple(row) for row in joints[chunk].tolist()]
-        forced[chunk] = tester.worst_ratios(subsets, full, 2) <= tester.rtol
-    for i in np.flatnonzero(forced):
-        full_row = np.zeros(tester.arm.n)
-        full_row[joints[i]] = values[i]
-        forced[i] = tester.forces(tuple(joints[i].tolist()), full_row)
-    return forced
