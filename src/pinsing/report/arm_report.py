@@ -12,7 +12,6 @@ from typing import Any, Literal
 import numpy as np
 
 from pinsing._types import Array, ArrayLike
-from pinsing._version import __version__
 from pinsing.algebra.equation import latex_symbol
 from pinsing.arguments import checked, typed
 from pinsing.atomic_write import check_writable, write_bytes, write_text
@@ -27,13 +26,10 @@ from pinsing.proximity.clearance import Clearance
 from pinsing.proximity.trajectory import check_trajectory, details, summary as said_of
 from pinsing.proximity.zones import Zones, require_zones_of
 from pinsing.report.document import (
-    SCHEMA,
     Section,
     badge,
     bullets,
-    computed,
     counted,
-    data,
     document,
     download,
     figure,
@@ -41,7 +37,6 @@ from pinsing.report.document import (
     map_picture,
     map_planes,
     math as formula,
-    model,
     name,
     paragraph,
     png,
@@ -53,7 +48,7 @@ from pinsing.report.document import (
     text,
     workspace_pictures,
 )
-from pinsing.report.info import Content, Made, Trajectory, gather
+from pinsing.report.info import Content, Trajectory, gather
 from pinsing.robot.arm import Arm, ArmSummary
 from pinsing.robot.mechanism import Mechanism
 from pinsing.view.picture import check_browser, printed
@@ -148,7 +143,32 @@ def write_report(
         if html_file is None:
             raise OptionError("page='beside' needs path: the HTML file that it stands beside")
         beside = check_writable(html_file.with_name(f"{html_file.stem}-model.html"))
-    html, shown = _made(robot, forms, poses or {}, page, beside, skeleton, trajectory, zones)
+    where: dict[str, Any] = {
+        "page": page == "inside",
+        "beside": None if beside is None else beside.name,
+        "skeleton": skeleton,
+    }
+    poses = poses or {}
+    if isinstance(robot, Arm):
+        if forms is not None and forms.arm.joints != robot.joints:
+            raise OptionError(
+                f"forms are of {forms.arm.name} with joints {', '.join(forms.arm.joints)}, "
+                f"not of {robot.name} with {', '.join(robot.joints)}"
+            )
+        judged = {key: robot.check_one(q, f"pose {key}") for key, q in poses.items()}
+        if trajectory is not None and not isinstance(trajectory, Trajectory):
+            Q = robot.check(trajectory)
+            trajectory = Trajectory(check_trajectory(robot, Q, forms=forms), Q, None)
+        html, shown = arm_report(robot, forms, judged, **where, way=trajectory, zones=zones)
+    else:
+        OptionError.refuse_if(
+            trajectory is not None or zones is not None, "a trajectory and zones are of arms only"
+        )
+        OptionError.refuse_if(forms is not None, "forms are of arms: a mechanism has none to give")
+        from pinsing.report.mechanism_report import mechanism_report
+
+        given = {key: robot.check_inputs(x) for key, x in poses.items()}
+        html, shown = mechanism_report(robot, given, **where)
     on_paper = None if pdf_file is None else printed(html, pdf_file)
     if beside is not None and shown is not None:
         write_text(beside, shown)
@@ -157,40 +177,6 @@ def write_report(
     if pdf_file is not None and on_paper is not None:
         write_bytes(pdf_file, on_paper)
     return tuple(file for file in (beside, html_file, pdf_file) if file is not None)
-
-
-def _made(
-    robot: Arm | Mechanism,
-    forms: ClosedForm | None,
-    poses: Mapping[str, ArrayLike],
-    page: str,
-    beside: Path | None,
-    skeleton: bool,
-    trajectory: Any,
-    zones: Zones | None,
-) -> tuple[str, str | None]:
-    inside, name = page == "inside", None if beside is None else beside.name
-    if isinstance(robot, Arm):
-        from pinsing.report.arm_report import arm_report
-
-        if forms is not None and forms.arm.joints != robot.joints:
-            raise OptionError(
-                f"forms are of {forms.arm.name} with joints {', '.join(forms.arm.joints)}, "
-                f"not of {robot.name} with {', '.join(robot.joints)}"
-            )
-        checked_poses = {key: robot.check_one(q, f"pose {key}") for key, q in poses.items()}
-        if trajectory is not None and not isinstance(trajectory, Trajectory):
-            Q = robot.check(trajectory)
-            trajectory = Trajectory(check_trajectory(robot, Q, forms=forms), Q, None)
-        return arm_report(robot, forms, checked_poses, inside, name, skeleton, trajectory, zones)
-    OptionError.refuse_if(
-        trajectory is not None or zones is not None, "a trajectory and zones are of arms only"
-    )
-    OptionError.refuse_if(forms is not None, "forms are of arms: a mechanism has none to give")
-    from pinsing.report.mechanism_report import mechanism_report
-
-    given = {key: robot.check_inputs(x) for key, x in poses.items()}
-    return mechanism_report(robot, given, inside, name, skeleton)
 
 
 _TONE = {"singular": "alarm", "near-singular": "caution", "regular": "good"}
@@ -627,59 +613,46 @@ def values(q: Array, arm: ArmSummary) -> str:
 def proof(c: Content, certificate: str | None) -> Section:
     """Return how sure it is that no family is missing."""
     forms = c.forms
-    said, parts = word_badge(c), []
+    said, count, parts = word_badge(c), forms.slice_count, []
     if forms.deviation is not None:
         parts.append(paragraph(text(coverage_words(forms))))
     if forms.proof is not None and forms.proof.accepted and certificate is not None:
-        parts.append(
-            paragraph(
-                said,
-                text(
-                    "A certificate was found and accepted by a checker that rebuilds the Jacobian "
-                    "by itself and shares no code with the search: every configuration at which "
-                    "the rank drops lies on one of the families above. It took "
-                    f"{1e3 * forms.proof.check_seconds:.0f} ms to check."
-                ),
-            )
+        accepted = (
+            "A certificate was found and accepted by a checker that rebuilds the Jacobian "
+            "by itself and shares no code with the search: every configuration at which "
+            "the rank drops lies on one of the families above. It took "
+            f"{1e3 * forms.proof.check_seconds:.0f} ms to check."
         )
-        parts.append(
-            paragraph(
-                download("Save the certificate", "certificate.json", certificate),
-                text(f"({len(certificate) / 1e3:.1f} kB); check it with"),
-                name("pinsing verify certificate.json"),
-                text("or with the checker alone, pinsing/proof/checker.py."),
-            )
+        file = (
+            download("Save the certificate", "certificate.json", certificate),
+            text(f"({len(certificate) / 1e3:.1f} kB); check it with"),
+            name("pinsing verify certificate.json"),
+            text("or with the checker alone, pinsing/proof/checker.py."),
         )
+        parts += [paragraph(said, text(accepted)), paragraph(*file)]
     elif forms.complete:
         reason = forms.proof.reason if forms.proof is not None else "none was looked for"
-        parts.append(
-            paragraph(
-                said,
-                text(
-                    "The search ended and nothing is known to be missing, but steps of it were "
-                    f"decided at random points of finite fields. There is no certificate: {reason}."
-                ),
-            )
+        ended = (
+            "The search ended and nothing is known to be missing, but steps of it were "
+            f"decided at random points of finite fields. There is no certificate: {reason}."
         )
-        if forms.slice_count is not None:
-            parts.append(paragraph(text(f"It rests on a count: {forms.slice_count.sentence()}.")))
+        parts.append(paragraph(said, text(ended)))
+        if count is not None:
+            parts.append(paragraph(text(f"It rests on a count: {count.sentence()}.")))
     else:
-        parts.append(paragraph(said, text("What is missing:")))
-        parts.append(bullets(text(gap) for gap in forms.gaps))
-        if forms.slice_count is not None and not forms.slice_count.off:
-            parts.append(paragraph(text(f"{forms.slice_count.evidence().capitalize()}.")))
+        gaps = bullets(text(gap) for gap in forms.gaps)
+        parts += [paragraph(said, text("What is missing:")), gaps]
+        if count is not None and not count.off:
+            parts.append(paragraph(text(f"{count.evidence().capitalize()}.")))
     rounded = [f for f in forms.families if f.raw_ratio is not None]
     if rounded:
         rows = [(name(f.name), text(f"{f.raw_ratio:.1e}")) for f in rounded]
-        parts.append(
-            paragraph(
-                text(
-                    "The numbers of the file are rounded. On the geometry as it stands there, the "
-                    "σ_min/σ_max on each family is no larger than:"
-                )
-            )
+        why = (
+            "The numbers of the file are rounded. On the geometry as it stands there, the "
+            "σ_min/σ_max on each family is no larger than:"
         )
-        parts.append(table("σ_min/σ_max on the file's own numbers", ("", "at most"), rows, (1,)))
+        caption = "σ_min/σ_max on the file's own numbers"
+        parts += [paragraph(text(why)), table(caption, ("", "at most"), rows, (1,))]
     return section("proof", "How sure this is", *parts)
 
 
@@ -715,18 +688,32 @@ def arm_report(
         proof(content, written),
         robot(content),
         assumed(content),
-        model(shown if page else None, beside),
     ]
-    made = Made.since(started)
-    algebra = f"{content.forms.seconds:.2g} s of it for the families"
-    sections += [computed(made, content.info.engine, [("", algebra)]), words(), data(SCHEMA)]
     html = document(
-        title=f"Singular configurations of {arm.name}",
-        subtitle=f"{arm.base} to {arm.tip}, task {arm.task.name}; {made.when}",
-        sections=[s for s in sections if s is not None],
-        data={**_data(content, made), "zones": None if zones is None else zones.to_dict()},
+        arm.name,
+        f"{arm.base} to {arm.tip}, task {arm.task.name}",
+        sections,
+        words(),
+        {
+            "robot": content.info.to_dict(),
+            "families": content.forms.to_dict(),
+            "certificate": certificate,
+            "clearest": None if content.clearest is None else content.clearest.to_dict(),
+            "special": [
+                {
+                    "name": s.name,
+                    "state": s.state.to_dict(),
+                    "clearance": None if s.near is None else s.near.to_dict(),
+                }
+                for s in content.special
+            ],
+            "zones": None if zones is None else zones.to_dict(),
+        },
+        started=started,
+        engine=content.info.engine,
         page=shown if page else None,
-        foot=f"Made by pinsing {__version__}.",
+        beside=beside,
+        more=[("", f"{content.forms.seconds:.2g} s of it for the families")],
     )
     return html, shown
 
@@ -749,24 +736,3 @@ def _page(content: Content, skeleton: bool, way: Trajectory | None, zones: Zones
         zones=None if zones is None or zones.posture else zones,
     ) as viewer:
         return viewer.html()
-
-
-def _data(content: Content, made: Made) -> dict[str, object]:
-    return {
-        "schema": SCHEMA,
-        "made": made.when,
-        "seconds": made.seconds,
-        "versions": dict(made.versions),
-        "robot": content.info.to_dict(),
-        "families": content.forms.to_dict(),
-        "certificate": content.forms.certificate,
-        "clearest": None if content.clearest is None else content.clearest.to_dict(),
-        "special": [
-            {
-                "name": s.name,
-                "state": s.state.to_dict(),
-                "clearance": None if s.near is None else s.near.to_dict(),
-            }
-            for s in content.special
-        ],
-    }

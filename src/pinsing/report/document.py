@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import hashlib
 import html
 import io
 import json
+import os
+import platform
 import re
-from collections.abc import Iterable, Sequence
+import sys
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import datetime, timezone
+from importlib import metadata
 from itertools import combinations
 from math import degrees, isfinite
 from typing import Any
 
 import numpy as np
 
+from pinsing._version import __version__
 from pinsing.families import Branch, Family
 from pinsing.notebook import mathml
 from pinsing.prose import visible
-from pinsing.report.info import Made
 from pinsing.robot.arm import Arm
 
 STYLE = """
@@ -251,13 +258,42 @@ _INLINE = re.compile(r"<script>(.*?)</script>", re.DOTALL)
 
 
 def document(
-    title: str, subtitle: str, sections: Sequence[Section], data: Any, page: str | None, foot: str
+    about: str,
+    subtitle: str,
+    sections: Sequence[Section | None],
+    glossary: Section,
+    content: Mapping[str, Any],
+    *,
+    started: float,
+    engine: str,
+    page: str | None,
+    beside: str | None,
+    more: Sequence[tuple[str, str]] = (),
 ) -> str:
-    """Return a report as one file, with JSON ``data`` for programs."""
-    # The policy names the scripts of the interactive ``page``, if any, one by one.
-    (_, _, answer), *rest = sections
+    """Return a report as one file, with JSON for programs.
+
+    The interactive ``page`` stands inside it if any, else in the file ``beside``. ``started`` is a
+    value of ``time.monotonic``; ``more`` is said, in plain words, of how it was computed.
+    """
+    # The policy names the scripts of the page, if any, one by one.
+    made = _made(started)
+    computed = [
+        ("made", made["made"]),
+        ("computing took", f"{made['seconds']:.2g} s"),
+        *more,
+        (
+            "with",
+            ", ".join(f"{library} {version}" for library, version in made["versions"].items()),
+        ),
+        ("engine", engine),
+        ("on", f"{sys.platform}, {platform.machine()}"),
+    ]
+    facts = terms([(text(head), text(said)) for head, said in computed])
+    last = (model(page, beside), section("computed", "How it was computed", facts), glossary, _DATA)
+    (_, _, answer), *rest = [part for part in (*sections, *last) if part is not None]
     contents = "".join(f'<li><a href="#{key}">{text(name)}</a></li>' for key, name, _ in rest)
     body = "\n".join(part for _, _, part in rest)
+    title = f"Singular configurations of {about}"
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -273,18 +309,31 @@ def document(
 <a class="skip" href="#summary">To the summary</a>
 <header>
 <h1>{text(title)}</h1>
-<p class="sub">{text(subtitle)}</p>
+<p class="sub">{text(f"{subtitle}; {made['made']}")}</p>
 </header>
 <main>
 {answer}
 <nav aria-label="Contents"><ol>{contents}</ol></nav>
 {body}
 </main>
-<footer><p>{text(foot)}</p></footer>
-{data_block(DATA, data)}
+<footer><p>{text(f"Made by pinsing {__version__}.")}</p></footer>
+{data_block(DATA, {"schema": SCHEMA, **made, **content})}
 </body>
 </html>
 """
+
+
+def _made(started: float) -> dict[str, Any]:
+    """When and by what: the time, the seconds since ``started``, and versions of libraries."""
+    versions = {"pinsing": __version__, "Python": platform.python_version()}
+    for library in ("numpy", "pin", "python-flint", "matplotlib", "meshcat"):
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            versions[library] = metadata.version(library)
+    # SOURCE_DATE_EPOCH, of reproducible builds, says another time.
+    given = os.environ.get("SOURCE_DATE_EPOCH", "")
+    stamp = int(given) if given.isdecimal() else time.time()
+    now = datetime.fromtimestamp(stamp, timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
+    return {"made": now, "seconds": time.monotonic() - started, "versions": versions}
 
 
 def embedded(page: str) -> str:
@@ -318,20 +367,6 @@ def _hash(code: str) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(code.encode()).digest()).decode('ascii')}'"
 
 
-def computed(made: Made, engine: str, more: list[tuple[str, str]]) -> Section:
-    """Versions, time, machine; ``more`` are plain words."""
-    versions = ", ".join(f"{library} {version}" for library, version in made.versions.items())
-    pairs = [
-        ("made", made.when),
-        ("computing took", f"{made.seconds:.2g} s"),
-        *more,
-        ("with", versions),
-        ("engine", engine),
-        ("on", made.machine),
-    ]
-    return section("computed", "How it was computed", terms([(text(a), text(b)) for a, b in pairs]))
-
-
 def model(page: str | None, beside: str | None) -> Section | None:
     """The page with the robot in it: inside, beside, or not at all."""
     if page is not None:
@@ -347,18 +382,16 @@ def model(page: str | None, beside: str | None) -> Section | None:
     return None
 
 
-def data(schema: str) -> Section:
-    """Return the section that tells programs where the data is."""
-    return section(
-        "data",
-        "For programs",
-        paragraph(
-            text("Everything here, with more digits, is in this file as JSON, in the element"),
-            name(f'script id="{DATA}"'),
-            text("(schema"),
-            name(schema) + text("; radians and metres)."),
-        ),
-    )
+_DATA = section(
+    "data",
+    "For programs",
+    paragraph(
+        text("Everything here, with more digits, is in this file as JSON, in the element"),
+        name(f'script id="{DATA}"'),
+        text("(schema"),
+        name(SCHEMA) + text("; radians and metres)."),
+    ),
+)
 
 
 def limit_text(limit: float, slides: bool) -> str:
@@ -401,8 +434,6 @@ def png(figure: Any, only: Sequence[Any] = ()) -> bytes:
 
 def quiet_backend() -> None:
     """Draw without a screen, unless somebody has chosen how to draw already."""
-    import sys
-
     import matplotlib as mpl
 
     if "matplotlib.pyplot" not in sys.modules:

@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import platform
-import sys
-import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from datetime import datetime, timezone
-from importlib import metadata
 from typing import ClassVar
 
 import numpy as np
 
 from pinsing._types import Array, Bool
-from pinsing._version import __version__
 from pinsing.arguments import typed
 from pinsing.errors import PinsingError
 from pinsing.families import ClosedForm, Family, closed_form
@@ -242,9 +235,6 @@ def describe(arm: Arm) -> ArmInfo:
     )
 
 
-_LIBRARIES = ("numpy", "pin", "python-flint", "matplotlib", "meshcat")
-
-
 @dataclass(frozen=True, eq=False)
 class Special:
     """A configuration that people ask about first."""
@@ -252,32 +242,6 @@ class Special:
     name: str  # ``zero``, ``mid-range``, the description's, or ``given 1``
     state: State
     near: Clearance | None  # None where no family has a real point
-
-
-@dataclass(frozen=True, eq=False)
-class Made:
-    """When and by what a report was made."""
-
-    when: str  # UTC
-    seconds: float  # of computing
-    versions: Mapping[str, str]  # programs and libraries
-    machine: str  # system and processor
-
-    @staticmethod
-    def since(started: float) -> Made:
-        """Now; ``started`` is a value of ``time.monotonic``."""
-        versions = {"pinsing": __version__, "Python": platform.python_version()}
-        for library in _LIBRARIES:
-            try:
-                versions[library] = metadata.version(library)
-            except metadata.PackageNotFoundError:
-                continue
-        # SOURCE_DATE_EPOCH, of reproducible builds, says another time.
-        given = os.environ.get("SOURCE_DATE_EPOCH", "")
-        stamp = int(given) if given.isdecimal() else time.time()
-        now = datetime.fromtimestamp(stamp, timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
-        seconds, machine = time.monotonic() - started, f"{sys.platform}, {platform.machine()}"
-        return Made(now, seconds, versions, machine)
 
 
 @dataclass(frozen=True, eq=False)

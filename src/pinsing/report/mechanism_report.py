@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinsing._types import Array
-from pinsing._version import __version__
 from pinsing.loops import MechanismAnalysis, MechanismState, analyze_mechanism, mechanism_at
 from pinsing.loops.analysis import Line, joint_lines, pose_lines
 from pinsing.loops.loop_forms import planar_dyad
@@ -24,18 +23,14 @@ from pinsing.loops.solve import (
 from pinsing.measures import ROUNDING
 from pinsing.prose import Page
 from pinsing.report.document import (
-    SCHEMA,
     Section,
     badge,
     bullets,
-    computed,
     counted,
-    data,
     document,
     figure,
     limit_text,
     math as formula,
-    model,
     name,
     paragraph,
     png,
@@ -45,7 +40,6 @@ from pinsing.report.document import (
     terms,
     text,
 )
-from pinsing.report.info import Made
 from pinsing.robot.mechanism import Mechanism
 
 TYPES = {
@@ -484,19 +478,13 @@ def mechanism_report(
         sure(found),
         robot(mechanism, found),
         assumed(found),
-        model(shown if page and shown is not None else None, beside if shown is not None else None),
     ]
-    made = Made.since(started)
-    sections += [computed(made, "Pinocchio", []), words(), data(SCHEMA)]
     html = document(
-        title=f"Singular configurations of {mechanism.name}",
-        subtitle=f"driven by {', '.join(mechanism.inputs)}; {made.when}",
-        sections=[s for s in sections if s is not None],
-        data={
-            "schema": SCHEMA,
-            "made": made.when,
-            "seconds": made.seconds,
-            "versions": dict(made.versions),
+        mechanism.name,
+        f"driven by {', '.join(mechanism.inputs)}",
+        sections,
+        words(),
+        {
             "mechanism": found.to_dict(),
             "special": [
                 {
@@ -507,8 +495,10 @@ def mechanism_report(
                 for s in special
             ],
         },
+        started=started,
+        engine="Pinocchio",
         page=shown if page else None,
-        foot=f"Made by pinsing {__version__}.",
+        beside=beside,
     )
     return html, shown
 
