@@ -260,6 +260,7 @@ def plot_command(
     plane: dict[str, Any] = {"q": q, "ignore_limits": ignore_limits, "degrees": degrees}
     from pinsing import plot
 
+    axes: Any
     if kind == "map":
         axes = plot.sigma_plane(arm, *(joints or ()), families=shown, measure=measure, **plane)  # type: ignore[arg-type]
     elif kind == "aspects":
