@@ -57,7 +57,7 @@ def test_one_arm_has_one_word_everywhere(robot: str, tmp_path: Path) -> None:
     written("view", robot, "--skeleton", "-o", out["page.html"])  # as the gallery's
     words["page"] = baked(out["page.html"].read_text())["coverage"].split(":")[0].lower()
     with pinsing.Viewer(arm, skeleton=True) as viewer:
-        words["live page"] = viewer._stage.coverage.split(":")[0].lower()
+        words["live page"] = viewer._coverage.split(":")[0].lower()
     words["analyze"] = pinsing.analyze(arm, levels=(1,), random_starts=2).closed_form.word
     written("report", robot, "--skeleton", "--page", "none", "-o", out["report.html"])
     badge = r'class="badge[^"]*">(proven|probable|not complete)<'

@@ -321,7 +321,7 @@ def test_a_calibration_is_named_with_the_robot(tmp_path: Path) -> None:
         assert f"ur5e with calibration {file}" in text
     assert form.arm.typed == f"ur5e --tip tool0 --calibration {file}"
     with pinsing.Viewer(arm, form.families, coverage=coverage_words(form), skeleton=True) as viewer:
-        page = viewer._stage.page(live=False)
+        page = viewer._page(live=False)
     assert f"described by ur5e with calibration {file}" in page["notes"]
     assert str(form.tube) in page["coverage"]
 

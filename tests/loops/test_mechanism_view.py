@@ -19,7 +19,7 @@ from pinsing.errors import ConfigurationError, OptionError, ResultError, Unknown
 from pinsing.loops import analyze_mechanism, home, mechanism_at
 from pinsing.loops.structure import at_zero, plane_normal
 from pinsing.view.mechanism_viewer import MechanismViewer, groups, side
-from pinsing.view.scene import SIDE
+from pinsing.view.tab import SIDE
 
 NAMES = ["five_bar", "four_bar", "planar_3rrr"]
 
@@ -57,7 +57,7 @@ def test_points_are_listed_by_locus_and_none_is_forgotten() -> None:
 
 
 def test_a_page_has_what_its_program_asks_for(viewer: MechanismViewer) -> None:
-    page = viewer._stage.page(live=True)
+    page = viewer._page(live=True)
     json.dumps(page, allow_nan=False)
     assert page["mechanism"]
     assert [page["joints"][i]["name"] for i in page["inputs"]] == list(viewer.mechanism.inputs)
@@ -84,7 +84,7 @@ def test_python_leads(five_bar: MechanismViewer) -> None:
     five_bar.show_inputs([1.0, 1.3])
     assert five_bar.q[list(five_bar.mechanism.actuated)] == pytest.approx([1.0, 1.3])
     five_bar.show(home(five_bar.mechanism))
-    assert five_bar._stage.start()["entry"] is None
+    assert five_bar._start()["entry"] is None
     with pytest.raises(UnknownNameError, match="L9"):
         five_bar.show_group("L9")
     with pytest.raises(OptionError, match="pose 44"):
@@ -102,7 +102,7 @@ def test_python_leads(five_bar: MechanismViewer) -> None:
 def test_a_model_without_a_file_is_shown_as_a_skeleton() -> None:
     made = four_bar(0.4, 0.1, 0.4, 0.3)
     with MechanismViewer(made, analyze_mechanism(made, seconds=1e-3)) as viewer:
-        assert not viewer._stage.page(live=True)["settings"]["shapes"]
+        assert not viewer._page(live=True)["settings"]["shapes"]
 
 
 # The command ------------------------------------------------------------------------

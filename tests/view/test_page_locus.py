@@ -27,7 +27,7 @@ def test_every_end_of_the_curve_is_singular(robot: str, name: str) -> None:
     arm = load(robot)
     families = closed_form(arm).families
     viewer = Viewer(arm, families, skeleton=True)
-    page = viewer._stage.page(live=False)
+    page = viewer._page(live=False)
     entry = [e["name"] for e in page["entries"]].index(name)
     family = families[entry]
     q = np.array(page["entries"][entry]["q"][0])
@@ -57,7 +57,7 @@ def test_every_end_of_the_curve_is_singular(robot: str, name: str) -> None:
 @pytest.mark.slow
 def test_the_page_has_the_statement_of_a_long_equation() -> None:
     arm = load("panda")
-    page = Viewer(arm, skeleton=True)._stage.page(live=False)
+    page = Viewer(arm, skeleton=True)._page(live=False)
     (said,) = [e["solved"] for e in page["entries"] if e["solved"]]
     assert said[0]["condition"].startswith("R cos(q3")
     assert said[0]["solution"].startswith("q3 = ")

@@ -39,8 +39,8 @@ def cuspidal(tmp_path_factory):
 def test_ways_of_the_page_are_those_found(cuspidal):
     _, arm, form, found = cuspidal
     with pinsing.Viewer(arm, form.families, postures=found, skeleton=True) as viewer:
-        listed = viewer._stage.page(False)["postures"]
-        assert viewer._stage.start() == {"q": found.q.tolist(), "entry": None, "pose": 0}
+        listed = viewer._page(False)["postures"]
+        assert viewer._start() == {"q": found.q.tolist(), "entry": None, "pose": 0}
     assert len(listed) == 4
     assert np.array_equal(listed[0]["q"], found.q)
     ways = [p for p in listed if p["way"]]
@@ -59,7 +59,7 @@ def test_a_click_plays_the_way_to_a_posture(page: Any, cuspidal: Any) -> None:
     _, arm, form, found = cuspidal
     page.emulate_media(reduced_motion="reduce")  # its end at once
     with pinsing.Viewer(arm, form.families, postures=found, skeleton=True) as viewer:
-        listed = viewer._stage.page(False)["postures"]
+        listed = viewer._page(False)["postures"]
         open_page(page, viewer.url)
         assert page.locator("#postures > li").count() == 4
         assert text(page, "#postures-count") == "(4)"

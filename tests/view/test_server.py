@@ -30,19 +30,16 @@ SECONDS = 120
 KEY = "AAAAAAAAAAAAAAAAAAAAAA=="
 
 
-class Stage:
-    name = "test"
-
-    def page(self, live: bool) -> dict[str, Any]:
-        return {}
-
-    def start(self) -> dict[str, Any]:
-        return {"q": [0.5]}
+def served(scene: bytes = b"scene", port: int | None = None) -> Server:
+    """A server whose page has come."""
+    made = Server("test", port=port)
+    made.fill({}, scene, b"", lambda: {"q": [0.5]})
+    return made
 
 
 @pytest.fixture
 def server() -> Iterator[Server]:
-    made = Server(Stage(), b"scene", port=0)
+    made = served(port=0)
     yield made
     made.close()
 
@@ -136,7 +133,7 @@ def test_without_the_token_there_is_nothing(server: Server, path: str) -> None:
 
 
 def test_tokens_are_long_and_new_each_time(server: Server) -> None:
-    other = Server(Stage(), b"", port=0)
+    other = served(b"", port=0)
     found = {token(server), token(other), server.framed_url.split("/")[3]}
     other.close()
     assert len(found) == 3
@@ -267,7 +264,7 @@ def test_what_is_no_request_leaves_no_line_in_the_log(request_text, server, capl
 
 def test_links_without_number_are_dropped(monkeypatch: Any, caplog: Any) -> None:
     monkeypatch.setattr("pinsing.view.server._MOST_LINKS", 5)
-    server = Server(Stage(), b"scene")
+    server = served()
     held = [socket.create_connection(("127.0.0.1", server.port), timeout=5) for _ in range(8)]
     assert [what_comes(link) for link in held[:3]] == [b""] * 3  # the oldest make room
     for link in held:
@@ -295,7 +292,7 @@ HALF = (
 def test_half_open_links_lock_nobody_out_and_are_dropped(monkeypatch: Any) -> None:
     monkeypatch.setattr("pinsing.view.server._MOST_LINKS", 40)
     monkeypatch.setattr("pinsing.view.server._REQUEST_SECONDS", 1.5)
-    server = Server(Stage(), b"scene")
+    server = served()
     tab = Tab(server)
     held = []
     for half in HALF * 60:
@@ -414,7 +411,7 @@ def test_a_page_that_comes_early_waits_for_what_it_shows(monkeypatch: pytest.Mon
             asked = pool.submit(raw, server, f"/{token(server)}/page.json")
             assert wait([asked], 0.2).not_done
             tab = Tab(server)
-            server.fill(Stage(), b"scene", b"links")
+            server.fill({}, b"scene", b"links", lambda: {"q": [0.5]})
             assert asked.result(5)[0] == 200
             assert tab.read() == {"q": [0.5]}
             tab.link.close()

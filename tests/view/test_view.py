@@ -177,7 +177,7 @@ def test_a_mesh_that_is_missing_or_broken_is_told_and_bones_stand_for_it(
     place = f'<origin xyz="0.4 0 0.1"/>{axis}'
     arm = load(write_urdf([("revolute", axis), ("revolute", place)], more=mesh), task="vx,vz")
     with Viewer(arm) as viewer:
-        page = viewer._stage.page(live=False)
+        page = viewer._page(live=False)
         assert any(file.removeprefix("package://") in note for note in page["notes"])
         assert page["settings"]["bare"] == [1, 2]
         assert "<html" in viewer.html()

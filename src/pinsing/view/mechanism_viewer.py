@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
@@ -31,20 +31,17 @@ from pinsing.loops.structure import (
 from pinsing.measures import ALIKE, NEAR_RTOL, ROUNDING, SINGULAR_RTOL
 from pinsing.robot.mechanism import Mechanism, closing
 from pinsing.view.entries import chain_data, frame_data, joint_data, numbers, sizes_data
-from pinsing.view.links import Links, Recorder, geometry as mg, read_links
+from pinsing.view.links import geometry as mg
 from pinsing.view.scene import (
     HOT,
     ROTATION,
-    SIDE,
-    Scenery,
     Sizes,
     Torus,
-    draw_scene,
     raised,
     ring_arrow,
     straight_arrow,
 )
-from pinsing.view.tab import Tab
+from pinsing.view.tab import SIDE, Tab
 
 SCHEMA = "pinsing/mechanism-engine/1"
 
@@ -288,72 +285,6 @@ def _words(mechanism: Mechanism, point: SingularPoint) -> str:
     return f"type 1: {' and '.join(said)}"
 
 
-@dataclass
-class MechanismStage(Scenery):
-    """A mechanism with its list of singular poses, at a closed configuration."""
-
-    robot: Mechanism
-    groups: tuple[Group, ...] = ()
-    normal: Array | None = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.normal = plane_normal(self.robot, at_zero(self.robot).axis)
-        self.q = home(self.robot)
-
-    @property
-    def poses(self) -> list[tuple[str, Sequence[Array]]]:
-        """Name and configurations of each entry of the list."""
-        return [(g.name, [p.q for p in g.points]) for g in self.groups]
-
-    def page(self, live: bool) -> dict[str, Any]:
-        """The fixed part of a page."""
-        m = self.robot
-        turns = any(row >= 3 for row in m.task.rows)
-        moves = any(row < 3 for row in m.task.rows)
-        mode = "pure" if moves and turns else "all"
-        settings = self.settings(mode, side(self.normal))
-        none = dict.fromkeys(["translation"] * (not moves) + ["rotation"] * (not turns))
-        return {
-            "live": live,
-            "mechanism": True,
-            "robot": {
-                "name": m.name,
-                "inputs": list(m.inputs),
-                "output": m.output,
-                "task": ", ".join(m.task.name.split(",")),
-                "lengthScale": m.length_scale,
-            },
-            "joints": self.joints(m.joints),
-            "inputs": list(m.actuated),
-            "settings": {**settings, **none, "planar": self.normal is not None},
-            "entries": [
-                {
-                    "name": group.name,
-                    "text": group.text,
-                    "more": list(group.more),
-                    "reason": "",
-                    "poses": len(group.points),
-                    "q": [p.q.tolist() for p in group.points],
-                    "points": [
-                        {
-                            "kind": p.kind,
-                            # Place, among the inputs, of the one along which it was found.
-                            "moving": m.inputs.index(p.moving) if p.moving else -1,
-                            "converged": p.converged,
-                        }
-                        for p in group.points
-                    ],
-                    "titles": [point_words(m, p) for p in group.points],
-                    "into": bool(group.points),
-                    "along": bool(group.points) and len(m.inputs) > 1,
-                }
-                for group in self.groups
-            ],
-            "engine": mechanism_data(m, self.sizes, self.normal),
-            "notes": list(self.notes),
-        }
-
-
 class MechanismViewer(Tab):
     """Shows a mechanism: sliders for the actuated joints, modes, and its singular poses.
 
@@ -394,23 +325,14 @@ class MechanismViewer(Tab):
             analysis = analyze_mechanism(mechanism)
             if analysis.missing:  # Ctrl-C
                 raise KeyboardInterrupt
-        listed = groups(mechanism, analysis)
-        size = linkage_sizes(mechanism, scale)
-        links = Links(None) if skeleton else read_links(mechanism)
-        recorder = Recorder()
-        root = recorder.visualizer()
+        self.groups = groups(mechanism, analysis)
         # Links end where they close loops, and at the output.
         pairs = zip(*closing(mechanism), strict=True)
         ends = list(dict.fromkeys([*chain(*pairs), mechanism.output_id]))
-        notes = draw_scene(root, mechanism, links, size, ends)
-        draw_linkage_marks(root["pinsing"], mechanism, size)
-        self._stage = MechanismStage(mechanism, links, size, skeleton, notes, listed)
-        super().__init__(self._stage, *recorder.parts(), host, port)
-
-    @property
-    def groups(self) -> tuple[Group, ...]:
-        """What the page lists."""
-        return self._stage.groups
+        super().__init__(mechanism, linkage_sizes(mechanism, scale), skeleton, ends, host, port)
+        self._normal = plane_normal(mechanism, at_zero(mechanism).axis)
+        draw_linkage_marks(self._drawn.visualizer()["pinsing"], mechanism, self._sizes)
+        self._q = home(mechanism)
 
     def show(self, q: ArrayLike) -> None:
         """Move the mechanism, in every open tab, to the closed configuration q (n,).
@@ -457,3 +379,53 @@ class MechanismViewer(Tab):
     def play(self, group: str | int, kind: str = "into", pose: int = 0) -> None:
         """Play a motion in every open tab: ``into`` the singular pose, or ``along`` its locus."""
         self._play(group, kind, pose)
+
+    def _poses(self) -> list[tuple[str, Sequence[Array]]]:
+        return [(g.name, [p.q for p in g.points]) for g in self.groups]
+
+    def _page(self, live: bool) -> dict[str, Any]:
+        m = self.mechanism
+        turns = any(row >= 3 for row in m.task.rows)
+        moves = any(row < 3 for row in m.task.rows)
+        mode = "pure" if moves and turns else "all"
+        settings = self._settings(mode, side(self._normal))
+        none = dict.fromkeys(["translation"] * (not moves) + ["rotation"] * (not turns))
+        return {
+            "live": live,
+            "mechanism": True,
+            "robot": {
+                "name": m.name,
+                "inputs": list(m.inputs),
+                "output": m.output,
+                "task": ", ".join(m.task.name.split(",")),
+                "lengthScale": m.length_scale,
+            },
+            "joints": self._joints(m.joints),
+            "inputs": list(m.actuated),
+            "settings": {**settings, **none, "planar": self._normal is not None},
+            "entries": [
+                {
+                    "name": group.name,
+                    "text": group.text,
+                    "more": list(group.more),
+                    "reason": "",
+                    "poses": len(group.points),
+                    "q": [p.q.tolist() for p in group.points],
+                    "points": [
+                        {
+                            "kind": p.kind,
+                            # Place, among the inputs, of the one along which it was found.
+                            "moving": m.inputs.index(p.moving) if p.moving else -1,
+                            "converged": p.converged,
+                        }
+                        for p in group.points
+                    ],
+                    "titles": [point_words(m, p) for p in group.points],
+                    "into": bool(group.points),
+                    "along": bool(group.points) and len(m.inputs) > 1,
+                }
+                for group in self.groups
+            ],
+            "engine": mechanism_data(m, self._sizes, self._normal),
+            "notes": list(self.notes),
+        }

@@ -7,9 +7,8 @@ Paths: ``pinsing/arm/<joint of the model>/{visual,bone,axis,hot}``, ``pinsing/ti
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -269,78 +268,6 @@ def floor_placement(arm: Arm | Mechanism) -> Array:
 def raised(height: float) -> Array:
     """A transform (4, 4) along z, metres."""
     return along(np.array([0.0, 0.0, 1.0]), (0.0, 0.0, height))
-
-
-SIDE = (0.74, 0.36, 0.57)
-"""Where the camera looks from: three.js axes, y up."""
-
-
-@dataclass
-class Scenery(ABC):
-    """A robot, drawn, at a configuration that can be set."""
-
-    robot: Arm | Mechanism
-    links: Links
-    sizes: Sizes
-    skeleton: bool  # leave shapes out
-    notes: tuple[str, ...]  # what could not be drawn
-    q: Array = field(init=False)  # (n,), shown
-    # (entry, pose) of the list, if ``q`` is one
-    chosen: tuple[int, int] | None = field(init=False, default=None)
-    words: str = field(init=False, default="")  # what the page says of it
-
-    @property
-    def name(self) -> str:
-        """Name of the robot."""
-        return self.robot.name
-
-    @property
-    @abstractmethod
-    def poses(self) -> list[tuple[str, Sequence[Array]]]:
-        """Name and configurations of each entry of the list."""
-
-    @abstractmethod
-    def page(self, live: bool) -> dict[str, Any]:
-        """The fixed part of a page."""
-
-    def start(self) -> dict[str, Any]:
-        """What a page shows first."""
-        entry, pose = self.chosen if self.chosen is not None else (None, 0)
-        said = {"words": self.words} if self.words else {}
-        return {"q": self.q.tolist(), "entry": entry, "pose": pose} | said
-
-    def joints(self, symbols: Sequence[str]) -> list[dict[str, Any]]:
-        """The joints as a page has them: sliders end somewhere, limits or not."""
-        robot = self.robot
-        limited = np.isfinite(robot.lower) & np.isfinite(robot.upper)
-        columns = (robot.joints, symbols, robot.prismatic, *robot.space.span, limited)
-        return [
-            {
-                "name": name,
-                "symbol": symbol,
-                "prismatic": bool(slides),
-                "lower": float(low),
-                "upper": float(high),
-                "limited": bool(ends),
-            }
-            for name, symbol, slides, low, high, ends in zip(*columns, strict=True)
-        ]
-
-    def settings(self, mode: str, side: Sequence[float]) -> dict[str, Any]:
-        """How a page draws."""
-        sizes, names, model = self.sizes, self.robot.joints, self.robot.model
-        return {
-            "reach": sizes.reach,
-            "translation": float(f"{sizes.translation:.3g}"),
-            "rotation": float(f"{sizes.rotation:.3g}"),
-            "thickness": 2 * LEAST * sizes.reach,
-            "mode": mode,
-            "shapes": self.links.geometry is not None and not self.skeleton,
-            "bare": list(self.links.bare(self.robot)),
-            "jointOf": [names.index(n) if n in names else -1 for n in list(model.names)[1:]],
-            "lines": ARROWS,
-            "side": list(side),
-        }
 
 
 SYMBOLS = {

@@ -20,7 +20,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import urlsplit
 
 from tornado.httpserver import HTTPServer
@@ -32,9 +32,6 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 from pinsing.errors import OptionError
 from pinsing.proximity.trajectory_file import LARGEST_TEXT
 from pinsing.view.page import LIVE_POLICY, asset, live_html, meshcat_script, script
-
-if TYPE_CHECKING:
-    from pinsing.view.scene import Scenery
 
 MOST_PAGES = 64
 
@@ -163,8 +160,8 @@ class Live(_Quiet, WebSocketHandler):  # type: ignore[misc,unused-ignore]
     def open(self, *args: str, **kwargs: str) -> None:
         """Count this page, and tell it what is shown first."""
         self.site.clients.add(self)
-        if self.site.stage is not None:
-            self.tell(json.dumps(self.site.stage.start(), allow_nan=False))
+        if self.site.start is not None:
+            self.tell(json.dumps(self.site.start(), allow_nan=False))
 
     def on_close(self) -> None:
         """Count it no more."""
@@ -351,22 +348,13 @@ _LATER = ("page.json", "scene", "links")
 
 
 class Server:
-    """Serves one stage from a daemon thread.
+    """Serves one page from a daemon thread, whose content `fill` gives.
 
-    Or its name, where `fill` sets it later. ``scene`` and ``links`` are drawing commands; by
-    default the first free port from 7000 on. OptionError if the port is taken, or there is no such
-    address.
+    By default on the first free port from 7000 on. OptionError if the port is taken, or there is no
+    such address.
     """
 
-    def __init__(
-        self,
-        stage: Scenery | str,
-        scene: bytes = b"",
-        host: str = "127.0.0.1",
-        port: int | None = None,
-        *,
-        links: bytes = b"",
-    ) -> None:
+    def __init__(self, name: str, host: str = "127.0.0.1", port: int | None = None) -> None:
         self.host = host
         self._sockets = bind(host, port)
         self.port = int(self._sockets[0].getsockname()[1])
@@ -376,7 +364,6 @@ class Server:
             self._framed: LIVE_POLICY,
         }
         self._later: dict[str, Future[Content]] = {name: Future() for name in _LATER}
-        name = stage if isinstance(stage, str) else stage.name
         # type and content of the page's files, by name
         self.texts: dict[str, tuple[str, Content | Future[Content]]] = {
             "": ("text/html", live_html(f"pinsing: {name}")),
@@ -388,13 +375,11 @@ class Server:
             "scene": ("application/octet-stream", self._later["scene"]),
             "links": ("application/octet-stream", self._later["links"]),
         }
-        self.stage: Scenery | None = None  # until it is there
+        self.start: Callable[[], dict[str, Any]] | None = None  # what is shown first, if known
         self.clients: set[Live] = set()  # open links
         # page data of a trajectory file: its name, content, and if in degrees
         self.read: Callable[[str, bytes, bool | None], dict[str, Any]] | None = None
         self._loop = asyncio.new_event_loop()
-        if not isinstance(stage, str):
-            self.fill(stage, scene, links)
         self._http: Door | None = None
         self._app = Application(
             [
@@ -413,15 +398,20 @@ class Server:
         self._thread.start()
         ready.wait()
 
-    def fill(self, stage: Scenery, scene: bytes, links: bytes) -> None:
-        """Give what is shown to the pages that wait for it."""
-        page = json.dumps(stage.page(live=True), allow_nan=False)
-        contents: tuple[Content, ...] = (page, scene, links)
+    def fill(
+        self,
+        page: dict[str, Any],
+        scene: bytes,
+        links: bytes,
+        start: Callable[[], dict[str, Any]],
+        read: Callable[[str, bytes, bool | None], dict[str, Any]] | None = None,
+    ) -> None:
+        """Give what is shown to the pages that wait for it; drawing commands as bytes."""
+        contents: tuple[Content, ...] = (json.dumps(page, allow_nan=False), scene, links)
         for name, content in zip(_LATER, contents, strict=True):
             self._later[name].set_result(content)
-        self.stage = stage
-        self.read = getattr(stage, "trajectory", None)  # of an arm
-        self.send(stage.start())  # to pages that wait
+        self.start, self.read = start, read
+        self.send(start())  # to pages that wait
 
     @property
     def url(self) -> str:

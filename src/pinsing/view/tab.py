@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import html
 import webbrowser
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.atomic_write import write_text
 from pinsing.errors import OptionError, UnknownNameError
+from pinsing.robot.arm import Arm
+from pinsing.robot.mechanism import Mechanism
+from pinsing.view.links import Links, Recorder, read_links
 from pinsing.view.page import static_html
-from pinsing.view.scene import Scenery
+from pinsing.view.scene import ARROWS, LEAST, Sizes, draw_scene
 from pinsing.view.server import Server
 
 if TYPE_CHECKING:
@@ -23,44 +30,107 @@ if TYPE_CHECKING:
 KINDS = ("into", "along")
 
 
-class Tab:
-    """A stage in a browser tab.
+SIDE = (0.74, 0.36, 0.57)
+"""Where the camera looks from: three.js axes, y up."""
+
+
+class Tab(ABC):
+    """A robot in a browser tab: drawn, with a list, at a configuration that can be set.
 
     Its server starts when the address is first asked for, on loopback and the first free port from
-    7000 on unless ``host`` and ``port`` say otherwise. ``links`` are commands that follow
-    ``scene``.
+    7000 on unless ``host`` and ``port`` say otherwise. Without meshes if ``skeleton``; bones lead
+    to ``ends`` (frames) too.
     """
 
     def __init__(
-        self, stage: Scenery, scene: bytes, links: bytes, host: str, port: int | None
+        self,
+        robot: Arm | Mechanism,
+        size: Sizes,
+        skeleton: bool,
+        ends: Sequence[int],
+        host: str,
+        port: int | None,
     ) -> None:
-        self._shown, self._scene, self._links = stage, scene, links
+        self._robot, self._sizes, self._skeleton = robot, size, skeleton
+        self._links = Links(None) if skeleton else read_links(robot)
+        self._drawn = Recorder()
+        self._notes = draw_scene(self._drawn.visualizer(), robot, self._links, size, ends)
         self._host, self._port = host, port
         self._server: Server | None = None
+        # The configuration (n,) that is shown, its entry and pose if it is of the list, words.
+        self._q: Array = np.zeros(0)
+        self._chosen: tuple[int, int] | None = None
+        self._words = ""
 
     @property
     def name(self) -> str:
         """Of the robot."""
-        return self._shown.name
+        return self._robot.name
 
     @property
     def q(self) -> Array:
         """Configuration (n,) that was shown last, radians and metres."""
-        return self._shown.q.copy()
+        return self._q.copy()
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What could not be drawn."""
-        return self._shown.notes
+        return self._notes
 
     @property
     def url(self) -> str:
         """Address of the page; starts the server."""
         if self._server is None:
-            self._server = Server(
-                self._shown, self._scene, self._host, self._port, links=self._links
-            )
+            hand_over(self, Server(self.name, self._host, self._port))
+        assert self._server is not None
         return self._server.url
+
+    @abstractmethod
+    def _poses(self) -> list[tuple[str, Sequence[Array]]]:
+        """Name and configurations of each entry of the list."""
+
+    @abstractmethod
+    def _page(self, live: bool) -> dict[str, Any]:
+        """The fixed part of a page."""
+
+    def _start(self) -> dict[str, Any]:
+        """What a page shows first."""
+        entry, pose = self._chosen if self._chosen is not None else (None, 0)
+        said = {"words": self._words} if self._words else {}
+        return {"q": self._q.tolist(), "entry": entry, "pose": pose} | said
+
+    def _joints(self, symbols: Sequence[str]) -> list[dict[str, Any]]:
+        """The joints as a page has them: sliders end somewhere, limits or not."""
+        robot = self._robot
+        limited = np.isfinite(robot.lower) & np.isfinite(robot.upper)
+        columns = (robot.joints, symbols, robot.prismatic, *robot.space.span, limited)
+        return [
+            {
+                "name": name,
+                "symbol": symbol,
+                "prismatic": bool(slides),
+                "lower": float(low),
+                "upper": float(high),
+                "limited": bool(ends),
+            }
+            for name, symbol, slides, low, high, ends in zip(*columns, strict=True)
+        ]
+
+    def _settings(self, mode: str, side: Sequence[float] = SIDE) -> dict[str, Any]:
+        """How a page draws."""
+        size, names, model = self._sizes, self._robot.joints, self._robot.model
+        return {
+            "reach": size.reach,
+            "translation": float(f"{size.translation:.3g}"),
+            "rotation": float(f"{size.rotation:.3g}"),
+            "thickness": 2 * LEAST * size.reach,
+            "mode": mode,
+            "shapes": self._links.geometry is not None and not self._skeleton,
+            "bare": list(self._links.bare(self._robot)),
+            "jointOf": [names.index(n) if n in names else -1 for n in list(model.names)[1:]],
+            "lines": ARROWS,
+            "side": list(side),
+        }
 
     def open(self) -> bool:
         """Open the page in the user's browser; tell whether there is one."""
@@ -68,8 +138,8 @@ class Tab:
 
     def _move(self, q: Array, chosen: tuple[int, int] | None, words: str = "") -> None:
         """Show a configuration in every open page, with words on it."""
-        self._shown.q, self._shown.chosen, self._shown.words = q, chosen, words
-        self._send(self._shown.start())
+        self._q, self._chosen, self._words = q, chosen, words
+        self._send(self._start())
 
     def html(self) -> str:
         """The page in one file, with all that it computes from, that needs no program behind it.
@@ -80,8 +150,8 @@ class Tab:
         >>> pinsing.Viewer(pinsing.load("planar3r"), skeleton=True).html().splitlines()[0]
         '<!DOCTYPE html>'
         """
-        page = {**self._shown.page(live=False), "start": self._shown.start()}
-        return static_html(f"pinsing: {self._shown.name}", page, self._scene, self._links)
+        page = {**self._page(live=False), "start": self._start()}
+        return static_html(f"pinsing: {self.name}", page, *self._drawn.parts())
 
     @checked
     def save_html(self, path: str | Path) -> None:
@@ -108,7 +178,8 @@ class Tab:
 
     def _place(self, wanted: str | int, pose: int) -> int:
         """Return the index of an entry, by name or index; errors if it or its pose is unknown."""
-        names = [name for name, _ in self._shown.poses]
+        listed = self._poses()
+        names = [name for name, _ in listed]
         UnknownNameError.refuse_if(
             not (0 <= wanted < len(names) if isinstance(wanted, int) else wanted in names),
             "family",
@@ -116,7 +187,7 @@ class Tab:
             names,
         )
         index = wanted if isinstance(wanted, int) else names.index(wanted)
-        name, poses = self._shown.poses[index]
+        name, poses = listed[index]
         OptionError.refuse_if(
             not 0 <= pose < len(poses),
             f"{name} has {len(poses)} poses within the limits; there is no pose {pose}",
@@ -126,7 +197,7 @@ class Tab:
     def _go(self, wanted: str | int, pose: int) -> None:
         """Show a pose of the list in every open page."""
         index = self._place(wanted, pose)
-        self._move(self._shown.poses[index][1][pose].copy(), (index, pose))
+        self._move(self._poses()[index][1][pose].copy(), (index, pose))
 
     def _play(self, wanted: str | int, kind: str, pose: int) -> None:
         """Play a motion in every open page."""
@@ -207,12 +278,12 @@ class Tab:
         # A page of its own: its scripts cannot reach the notebook, whatever a robot's file says.
         page = html.escape(self.html())
         sandbox = 'sandbox="allow-scripts allow-downloads" allow="clipboard-write"'
-        return _iframe(f'{sandbox} srcdoc="{page}"', self._shown.name, height)
+        return _iframe(f'{sandbox} srcdoc="{page}"', self.name, height)
 
     def _live_frame(self, height: int) -> str:
         self.url  # noqa: B018 (starts the server)
         assert self._server is not None
-        return _iframe(f'src="{html.escape(self._server.framed_url)}"', self._shown.name, height)
+        return _iframe(f'src="{html.escape(self._server.framed_url)}"', self.name, height)
 
     def __enter__(self) -> Self:
         return self
@@ -228,7 +299,9 @@ class Tab:
 
 def hand_over(tab: Tab, server: Server) -> None:
     """Let a server that was started ahead of a tab serve it."""
-    server.fill(tab._shown, tab._scene, tab._links)
+    server.fill(
+        tab._page(live=True), *tab._drawn.parts(), tab._start, getattr(tab, "_dropped", None)
+    )
     tab._server = server
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -28,88 +27,13 @@ from pinsing.view.entries import (
     listed_postures,
     pose_entries,
 )
-from pinsing.view.links import Links, Recorder, read_links, read_links_ahead
-from pinsing.view.scene import SIDE, Overlay, Scenery, draw_scene, sizes
+from pinsing.view.links import read_links_ahead
+from pinsing.view.scene import Overlay, sizes
 from pinsing.view.tab import Tab
 
 if TYPE_CHECKING:
     from pinsing.postures.changes import PostureChanges
     from pinsing.proximity.suggestion import Suggestion
-
-
-@dataclass
-class Stage(Scenery):
-    """An arm with its list."""
-
-    robot: Arm
-    entries: tuple[Entry, ...] = ()
-    way: Mapping[str, Any] | None = None  # a motion that pages show first, from `trajectory_data`
-    postures: tuple[dict[str, Any], ...] = ()  # of one pose, and ways to them
-    coverage: str = ""  # how sure it is that the list holds all, if known
-    clearest: Suggestion | None = None
-    zones: dict[str, Any] | None = None  # bands at the sliders: joint ranges, distances, and why
-
-    def __post_init__(self) -> None:
-        self.chosen = next(((i, 0) for i, e in enumerate(self.entries) if e.poses), None)
-        if self.chosen is not None:
-            self.q = self.entries[self.chosen[0]].poses[0]
-        else:
-            lower, upper = self.robot.span
-            self.q = (lower + upper) / 2
-
-    @property
-    def poses(self) -> list[tuple[str, Sequence[Array]]]:
-        """Name and configurations of each entry of the list."""
-        return [(e.name, e.poses) for e in self.entries]
-
-    def trajectory(self, name: str, content: bytes, degrees: bool | None) -> dict[str, Any]:
-        """What a page shows of a file that was dropped onto it."""
-        from pinsing.view.trajectory import dropped
-
-        return dropped(self.robot, name, content, degrees)
-
-    def page(self, live: bool) -> dict[str, Any]:
-        """The fixed part of a page."""
-        arm = self.robot
-        return {
-            "live": live,
-            "way": self.way,
-            "postures": list(self.postures),
-            "robot": {
-                "name": arm.name,
-                "base": arm.base,
-                "tip": arm.tip,
-                "task": str(arm.task),
-                "lengthScale": arm.length_scale,
-            },
-            "joints": self.joints(joint_symbols(arm)),
-            "settings": self.settings(self.mode, SIDE),
-            "entries": [_entry(e, arm.n) for e in self.entries],
-            "engine": engine_data(arm, self.entries, self.sizes),
-            "notes": [
-                *arm.notes,
-                *self.notes,
-                *[f"described by {summarize(arm).described}"] * bool(arm.source.calibration),
-            ],
-            "coverage": self.coverage,
-            "zones": self.zones,
-            "clearest": None
-            if self.clearest is None
-            else {"q": self.clearest.q.tolist(), "lower": float(self.clearest.lower)},
-        }
-
-    @cached_property
-    def mode(self) -> str:
-        """Return pure motions of a pose task where regular ones fill a plane or more."""
-        # They go flat, or to a line, where a motion is lost; those of an arm of three or four
-        # joints are lines or points everywhere.
-        arm, rng = self.robot, np.random.default_rng(0)
-        if arm.task.name != "pose":
-            return "all"
-        for J in frame_jacobians(arm, rng.uniform(*arm.span, (4, arm.n))):
-            if all(e.radii[1] > SINGULAR_RTOL * max(e.radii[0], 1e-9) for e in pure_ellipsoids(J)):
-                return "pure"
-        return "all"
 
 
 def _solved(entry: Entry) -> list[dict[str, Any]]:
@@ -195,6 +119,13 @@ class Viewer(Tab):
     host, port : str, int
         Where to listen; by default loopback, the first free port from 7000 on.
 
+    Attributes
+    ----------
+    arm : Arm
+        The arm.
+    entries : tuple of Entry
+        What the page lists.
+
     Examples
     --------
     >>> import pinsing
@@ -235,18 +166,15 @@ class Viewer(Tab):
 
             form = closed_form(arm)
             families, coverage = form.families, coverage or coverage_words(form)
-        entries = (
+        self.entries = (
             *pose_entries(arm, () if poses is None else poses),
             *family_entries(arm, () if families is None else families),
             *finding_entries(arm, () if findings is None else findings),
         )
         if clearest is not None:
             _check_clearest(arm, clearest)
-        size = sizes(arm, scale)
-        listed = () if postures is None else _listed(arm, postures)
-        links = Links(None) if skeleton else read_links(arm)
-        recorder = Recorder()
-        notes = draw_scene(recorder.visualizer(), arm, links, size, [arm.tip_id])
+        self._postures = () if postures is None else _listed(arm, postures)
+        super().__init__(arm, sizes(arm, scale), skeleton, [arm.tip_id], host, port)
         if path is not None:
             from pinsing.proximity.trajectory import check_trajectory
             from pinsing.view.trajectory import trajectory_data
@@ -254,22 +182,21 @@ class Viewer(Tab):
             Q = np.atleast_2d(arm.check(path))
             t = None if times is None else np.asarray(times, dtype=float)
             shown = trajectory_data(arm, check_trajectory(arm, Q, t), Q, t)
-        self._stage = Stage(
-            arm, links, size, skeleton, notes, entries, shown, listed, coverage, clearest
-        )
-        if zones is not None:
-            self._stage.zones = _bands(zones, arm, [e.name for e in entries])
+        self._way, self._coverage, self._clearest = shown, coverage, clearest
+        # Bands at the sliders: joint ranges, distances, and why.
+        self._zones = None if zones is None else _bands(zones, arm, [e.name for e in self.entries])
+        listed = ((i, 0) for i, entry in enumerate(self.entries) if entry.poses)
+        self._chosen = None if postures is not None else next(listed, None)
         if postures is not None:
-            self._stage.q, self._stage.chosen = postures.q, None
-        self._overlay = None if visualizer is None else Overlay(visualizer, arm, size)
-        super().__init__(self._stage, *recorder.parts(), host, port)
-        if self._overlay is not None:
-            self._overlay.show(self._stage.q, self._stage.mode)
-
-    @property
-    def entries(self) -> tuple[Entry, ...]:
-        """What the page lists."""
-        return self._stage.entries
+            self._q = postures.q
+        elif self._chosen is not None:
+            self._q = self.entries[self._chosen[0]].poses[0]
+        else:
+            self._q = np.mean(arm.span, axis=0)
+        self._overlay = None
+        if visualizer is not None:
+            self._overlay = Overlay(visualizer, arm, self._sizes)
+            self._overlay.show(self._q, self._mode)
 
     @checked
     def show(self, q: ArrayLike, words: str = "") -> None:
@@ -355,6 +282,57 @@ class Viewer(Tab):
         """
         self._play(self._wanted(family), kind, pose)
 
+    def _poses(self) -> list[tuple[str, Sequence[Array]]]:
+        return [(e.name, e.poses) for e in self.entries]
+
+    def _dropped(self, name: str, content: bytes, degrees: bool | None) -> dict[str, Any]:
+        """What a page shows of a file that was dropped onto it."""
+        from pinsing.view.trajectory import dropped
+
+        return dropped(self.arm, name, content, degrees)
+
+    def _page(self, live: bool) -> dict[str, Any]:
+        arm = self.arm
+        return {
+            "live": live,
+            "way": self._way,
+            "postures": list(self._postures),
+            "robot": {
+                "name": arm.name,
+                "base": arm.base,
+                "tip": arm.tip,
+                "task": str(arm.task),
+                "lengthScale": arm.length_scale,
+            },
+            "joints": self._joints(joint_symbols(arm)),
+            "settings": self._settings(self._mode),
+            "entries": [_entry(e, arm.n) for e in self.entries],
+            "engine": engine_data(arm, self.entries, self._sizes),
+            "notes": [
+                *arm.notes,
+                *self.notes,
+                *[f"described by {summarize(arm).described}"] * bool(arm.source.calibration),
+            ],
+            "coverage": self._coverage,
+            "zones": self._zones,
+            "clearest": None
+            if self._clearest is None
+            else {"q": self._clearest.q.tolist(), "lower": float(self._clearest.lower)},
+        }
+
+    @cached_property
+    def _mode(self) -> str:
+        """Return pure motions of a pose task where regular ones fill a plane or more."""
+        # They go flat, or to a line, where a motion is lost; those of an arm of three or four
+        # joints are lines or points everywhere.
+        arm, rng = self.arm, np.random.default_rng(0)
+        if arm.task.name != "pose":
+            return "all"
+        for J in frame_jacobians(arm, rng.uniform(*arm.span, (4, arm.n))):
+            if all(e.radii[1] > SINGULAR_RTOL * max(e.radii[0], 1e-9) for e in pure_ellipsoids(J)):
+                return "pure"
+        return "all"
+
     def _wanted(self, family: Family | str | int) -> str | int:
         """Name or place of an entry, also where a family is called by its title."""
         if not isinstance(family, (int, str)):
@@ -365,7 +343,7 @@ class Viewer(Tab):
     def _move(self, q: Array, chosen: tuple[int, int] | None, words: str = "") -> None:
         super()._move(q, chosen, words)
         if self._overlay is not None:
-            self._overlay.show(q, self._stage.mode)
+            self._overlay.show(q, self._mode)
 
 
 def _check_clearest(arm: Arm, clearest: Suggestion) -> None:
