@@ -202,8 +202,8 @@ def plot_command(
     families: tuple[str, ...],
     each: str | None,
     ignore_limits: bool,
-    motions: str | None,
-    measure: str,
+    motions: Any,
+    measure: Any,
     dpi: int,
     deg: bool,
 ) -> None:
@@ -260,9 +260,8 @@ def plot_command(
     plane: dict[str, Any] = {"q": q, "ignore_limits": ignore_limits, "degrees": degrees}
     from pinsing import plot
 
-    axes: Any
     if kind == "map":
-        axes = plot.sigma_plane(arm, *(joints or ()), families=shown, measure=measure, **plane)  # type: ignore[arg-type]
+        axes = plot.sigma_plane(arm, *(joints or ()), families=shown, measure=measure, **plane)
     elif kind == "aspects":
         axes = plot.aspect_plane(arm, *(joints or ()), **plane)
     elif kind == "locus":
@@ -272,7 +271,7 @@ def plot_command(
     elif kind == "solutions":
         axes = plot.inverse_count(arm, limits=not ignore_limits)
     elif kind == "workspace":
-        axes = plot.workspace(arm, measure=measure)  # type: ignore[arg-type]
+        axes = plot.workspace(arm, measure=measure)
     elif kind == "along":
         from pinsing.families.solve import form_to_measure
 
@@ -282,7 +281,7 @@ def plot_command(
         from pinsing.plot.plane import regular_configuration
 
         state = at(arm, regular_configuration(arm) if q is None else q)
-        axes = plot.ellipsoids(state, motions=motions, arm=arm)  # type: ignore[arg-type]
+        axes = plot.ellipsoids(state, motions=motions, arm=arm)
     else:
         from pinsing.sampling.sweep_run import sweep
 
@@ -292,7 +291,8 @@ def plot_command(
             chosen |= {"special": special, "joints": tuple(arm.joints)}
         result = sweep(arm, nominal=q, prune=False, **chosen)
         axes = plot.sigma_curves(result, fixed=held, moving=joints, degrees=degrees, arm=arm)
-    save_figure(axes.figure, out, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
+    figure: Any = axes.figure
+    save_figure(figure, out, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
 
 
 def _way(stations: list[Array]) -> Array:
