@@ -24,7 +24,7 @@ _OLD = b"what was there before\n"
 _SLOW = (
     ("pinsing.view.picture", "_taken"),
     ("pinsing.report.arm_report", "printed"),
-    ("pinsing.report.arm_report", "_made"),
+    ("pinsing.report.arm_report", "arm_report"),
 )
 _ENDS = {
     ".pdf": (b"%PDF", b"%%EOF"),
