@@ -220,19 +220,19 @@ def test_a_sign_that_lacks_is_known():
     arm = made(CRX)
     q = np.array([0.3, -0.8, 1.1, 0.4, 0.9, -0.5])
     T = tip_placement(arm, q)
-    solver = Solver.of(arm, T.translation, T.rotation, np.full(6, np.nan), np.arange(6))
+    solver = Solver(arm, T.translation, T.rotation)
     known = pinsing.inverse(arm, T.homogeneous)
-    found = FoundSolutions(solver, arm, np.full(arm.n, np.nan))
+    found = FoundSolutions(solver)
     found.add(known.q, np.zeros(len(known)))
     assert found.lacking == 0
     for out in range(len(known)):
-        found = FoundSolutions(solver, arm, np.full(arm.n, np.nan))
+        found = FoundSolutions(solver)
         rest = np.delete(known.q, out, axis=0)
         found.add(rest, np.zeros(len(rest)))
         assert found.lacking == solver.signs(known.q[out : out + 1])[0]
         assert not found.settled()
         rng = np.random.default_rng(0)
-        Q = drawn(arm, np.full(6, np.nan), 40, rng, solver, found.lacking)
+        Q = drawn(solver, 40, rng, found.lacking)
         assert (solver.signs(Q) == found.lacking).all()
 
 
@@ -240,7 +240,7 @@ def test_images_of_a_solution_are_the_others():
     """Of a wrist whose axes meet exactly: half of the solutions differ by its flip."""
     arm = pinsing.load("puma560")
     T = tip_placement(arm, np.array([0.3, -0.8, 1.1, 0.4, 0.9, -0.5]))
-    solver = Solver.of(arm, T.translation, T.rotation, np.full(6, np.nan), np.arange(6))
+    solver = Solver(arm, T.translation, T.rotation)
     known = pinsing.inverse(arm, T.homogeneous).q
     flipped = known + np.array([0, 0, 0, np.pi, 0, np.pi])
     flipped[:, 4] *= -1
@@ -267,8 +267,7 @@ class TestRadius:
             arm = pinsing.load(name)
             q = arm.space.sample(1, np.random.default_rng(5), True)[0]
             T = tip_placement(arm, q)
-            nothing = np.full(6, np.nan)
-            solver = Solver.of(arm, T.translation, T.rotation, nothing, np.arange(6))
+            solver = Solver(arm, T.translation, T.rotation)
             rng = np.random.default_rng(0)
             for size in (1e-9, 1e-7, 1e-5, 1e-4):
                 Q = q + rng.normal(size=(40, 6)) * size

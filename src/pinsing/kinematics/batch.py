@@ -111,6 +111,25 @@ def _verified(arm: Arm) -> Chain | str:
     return chain
 
 
+def joint_frames(chain: Chain, Q: Array) -> tuple[Array, Array]:
+    """Rotations (N, n + 1, 3, 3) and origins (N, n + 1, 3) of joints before they move, and tip."""
+    R = np.broadcast_to(chain.R[0], (len(Q), 3, 3))
+    p = np.broadcast_to(chain.t[0], (len(Q), 3))
+    rotations, origins = [R], [p]
+    for j, slides in enumerate(chain.prismatic):
+        if slides:
+            p = p + R[:, :, 2] * Q[:, j, None]
+        else:
+            c, s = np.cos(Q[:, j, None]), np.sin(Q[:, j, None])
+            x, y, z = np.moveaxis(R, 2, 0)
+            R = np.stack([x * c + y * s, y * c - x * s, z], axis=2)
+        p = p + R @ chain.t[j + 1]
+        R = R @ chain.R[j + 1]
+        rotations.append(R)
+        origins.append(p)
+    return np.stack(rotations, axis=1), np.stack(origins, axis=1)
+
+
 def tip_rotations(arm: Arm, Q: Array, engine: str = "auto", threads: int | None = None) -> Array:
     """Rotations (N, 3, 3) of the tip in the base at Q (N, n): columns are its axes."""
     engine = fixed_engine(arm, engine)

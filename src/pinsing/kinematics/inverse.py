@@ -20,8 +20,8 @@ from pinsing._types import Array, ArrayLike, Bool, Ints
 from pinsing.arguments import MAX_SEED, checked, typed, whole_number
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.kinematics.jacobian import read_pose
-from pinsing.kinematics.ladder import ladder_of, turns
-from pinsing.kinematics.newton import Solver, Stalled, radii
+from pinsing.kinematics.ladder import ladder_of
+from pinsing.kinematics.newton import Solver, radii
 from pinsing.kinematics.verdict import generic_rank, ratios
 from pinsing.measures import ALIKE, ROUNDING
 from pinsing.robot.arm import Arm, ArmSummary, summarize
@@ -225,10 +225,10 @@ ENOUGH = 5
 
 
 class FoundSolutions:
-    """Solutions so far, each with how often it was met; ``held`` (n,) is NaN for free joints."""
+    """Solutions so far, each with how often it was met."""
 
-    def __init__(self, solver: Solver, arm: Arm, held: Array) -> None:
-        self.solver, self.arm, self.held = solver, arm, held
+    def __init__(self, solver: Solver) -> None:
+        self.solver, self.arm = solver, solver.arm
         self.q: list[Array] = []
         self.left: list[float] = []
         self.sign: list[float] = []
@@ -321,7 +321,7 @@ class FoundSolutions:
         """Return those within the limits first, best conditioned first; not all singular ones."""
         if not self.q:
             return ()
-        arm, held = self.arm, self.held
+        arm, held = self.arm, self.solver.held
         Q = np.where(np.isnan(held), arm.fold(np.array(self.q)), held)
         measure = self._measure(Q)
         regular: Bool = np.greater(measure, ALIKE)
@@ -348,13 +348,11 @@ class FoundSolutions:
         return tuple(out)
 
 
-def drawn(
-    arm: Arm, held: Array, count: int, rng: np.random.Generator, solver: Solver, lacking: int
-) -> Array:
+def drawn(solver: Solver, count: int, rng: np.random.Generator, lacking: int) -> Array:
     """Return random configurations (count, n) over whole circles: limits are judged after."""
     # Of the sign of the determinant that lacks, if possible.
-    Q = arm.space.sample(count * (4 if lacking else 1), rng, True)
-    Q = np.where(np.isnan(held), Q, held)
+    Q = solver.arm.space.sample(count * (4 if lacking else 1), rng, True)
+    Q = np.where(np.isnan(solver.held), Q, solver.held)
     if lacking:
         Q = Q[np.argsort(solver.signs(Q) * lacking <= 0, kind="stable")][:count]
     return Q
@@ -377,6 +375,12 @@ def mirrored(solver: Solver, Q: Array) -> Array:
     return np.concatenate(out)
 
 
+def _turns(angle: Array) -> Array:
+    """Rotations (N, 3, 3) about z."""
+    c, s, zero = np.cos(angle), np.sin(angle), np.zeros(len(angle))
+    return np.moveaxis(np.array([[c, -s, zero], [s, c, zero], [zero, zero, zero + 1]]), -1, 0)
+
+
 def _angle(v: Array) -> Array:
     return np.asarray(np.arctan2(v[..., 1], v[..., 0]))
 
@@ -389,7 +393,7 @@ def _mirrored_wrist(solver: Solver, Q: Array, j: int) -> Array:
         return Q[:0]
     X = Q.copy()
     X[:, j] = 2 * np.arctan2(b, a) - Q[:, j]
-    was, now = (A @ turns(x[:, j]) @ B for x in (Q, X))
+    was, now = (A @ _turns(x[:, j]) @ B for x in (Q, X))
     X[:, j - 1] += _angle(was[:, :2, 2]) - _angle(now[:, :2, 2])
     X[:, j + 1] += _angle(now[:, 2, :2]) - _angle(was[:, 2, :2])
     return X
@@ -403,7 +407,7 @@ def _mirrored_elbow(solver: Solver, Q: Array, j: int) -> Array:
         return Q[:0]
     X = Q.copy()
     X[:, j] = 2 * np.arctan2(b, a) - Q[:, j]
-    was, now = (inner + turns(x[:, j]) @ outer @ C.T for x in (Q, X))
+    was, now = (inner + _turns(x[:, j]) @ outer @ C.T for x in (Q, X))
     X[:, j - 1] += _angle(was) - _angle(now)
     before, after = (np.sign(solver.chain.R[k][2, 2]) for k in (j, j + 1))
     X[:, j + 1] -= after * (before * (X[:, j - 1] - Q[:, j - 1]) + X[:, j] - Q[:, j])
@@ -482,27 +486,27 @@ def inverse(
     """
     whole_number(starts, "starts", 1, 1_000_000)
     whole_number(seed, "seed", 0, MAX_SEED)
-    position, rotation = _target(arm, pose)
-    held = _held(arm, fixed or {})
-    free = np.flatnonzero(np.isnan(held))
-    rank = generic_rank(arm)
+    position, rotation = read_pose(pose)
+    if not any(r >= 3 for r in arm.task.rows):
+        rotation = None
+    elif rotation is None:
+        rotation = np.eye(3)
+    held, rank = _held(arm, fixed or {}), generic_rank(arm)
+    free = int(np.isnan(held).sum())
     OptionError.refuse_if(
         not arm.task.places,
         f"task {arm.task} only says how the tip moves, not where it is: a pose needs all "
         "rows of a translation or rotation, or base axes, or tool-axis",
     )
-    if len(free) != rank:
-        more = len(free) - rank
+    if free != rank:
+        more = free - rank
         need = f"hold {more} more with fixed={{...}}" if more > 0 else "hold fewer"
         raise OptionError(
-            f"{len(free)} joints are free and task {arm.task} has {rank} conditions that they can "
+            f"{free} joints are free and task {arm.task} has {rank} conditions that they can "
             f"meet: {need} (joints: {', '.join(arm.joints)})"
         )
-    solver = Solver.of(arm, position, rotation, held, free)
-    rng = np.random.default_rng(seed)
-    found, stalled = FoundSolutions(solver, arm, held), Stalled(arm.space)
-    geometry = nominal(arm)
-    alone = len(free) == arm.n
+    solver, rng = Solver(arm, position, rotation, held), np.random.default_rng(seed)
+    found, alone = FoundSolutions(solver), free == arm.n
     first, known = starts, -1
     robot = decomposed(arm) if alone and arm.task.name == "pose" else None
     if robot is not None:
@@ -516,12 +520,12 @@ def inverse(
             known, first = len(found.q), max(1, starts // 8)
     if near is not None:
         own = arm.check_many(near, "near")
-        found.add(*solver.solve(np.where(np.isnan(held), own, held), stalled=stalled))
+        found.add(*solver.solve(np.where(np.isnan(held), own, held), remember=True))
     made, most = 0, max(starts, min(MOST_STARTS, 16 * starts))
     count = first
     while made < most:
-        Q = drawn(arm, held, count, rng, solver, found.lacking)
-        found.add(*solver.solve(Q, stalled=stalled))
+        Q = drawn(solver, count, rng, found.lacking)
+        found.add(*solver.solve(Q, remember=True))
         made += count
         if len(found.q) == known:
             break
@@ -535,7 +539,7 @@ def inverse(
         f"{arm.upper[j]:.6g}: so is every solution"
         for j in np.flatnonzero((held < arm.lower) | (held > arm.upper))
     ]
-    ladder = ladder_of(geometry) if alone else None
+    ladder = ladder_of(nominal(arm)) if alone else None
     regular = sum(s.regular for s in solutions)
     full = ladder is not None and regular == ladder.most
     if ladder is not None and full:
@@ -552,7 +556,7 @@ def inverse(
         if sure
         else _examples(len(solutions) - regular)
         or _doubt(solutions, made, found.lacking)
-        or stalled.doubt(np.array([s.q for s in solutions])),
+        or solver.doubt(np.array([s.q for s in solutions]).reshape(-1, arm.n)),
         notes=tuple(notes),
     )
 
@@ -581,13 +585,6 @@ def _doubt(solutions: tuple[InverseSolution, ...], made: int, lacking: int) -> s
         if rare
         else ""
     )
-
-
-def _target(arm: Arm, pose: ArrayLike) -> tuple[Array, Array | None]:
-    position, rotation = read_pose(pose)
-    if not any(r >= 3 for r in arm.task.rows):
-        return position, None
-    return position, np.eye(3) if rotation is None else rotation
 
 
 def _held(arm: Arm, fixed: Mapping[str, float]) -> Array:

@@ -74,21 +74,23 @@ The exact chain of an arm, and how its axes lie: parallel, crossing, through one
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from pinsing._types import Array
+from pinsing._types import Array, Chain, NDArray
+from pinsing.kinematics.batch import joint_frames
 from pinsing.measures import ROUNDING
 from pinsing.robot.arm import Arm
-from pinsing.robot.exact_placements import Length3, Matrix
 from pinsing.robot.nominal import Nominal, exact_generic_rank
 from pinsing.robot.surd import Exact
 
-Vector = tuple[Exact, Exact, Exact]
+Exacts: TypeAlias = NDArray[Any]
+"""Exact numbers, as objects: sums and products of such arrays are exact."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +98,8 @@ class ExactChain:
     """Placements between joints that turn about z, or slide along it, as exact numbers."""
 
     # of placement i, which stands before joint i; the last before the tip
-    rotation: tuple[Matrix, ...]
-    translation: tuple[Length3 | Vector, ...]  # of the same, metres
+    rotation: Exacts  # (n + 1, 3, 3)
+    translation: Exacts  # (n + 1, 3), metres
     prismatic: tuple[bool, ...]  # which joints slide
     # by which joint values are multiplied: -1 for a chain that is read from tip to base
     sign: float
@@ -107,15 +109,9 @@ class ExactChain:
     @classmethod
     def of(cls, nominal: Nominal) -> ExactChain:
         """The chain from base to tip."""
-        n = len(nominal.prismatic)
-        return cls(
-            nominal.rotation,
-            nominal.translation,
-            nominal.prismatic,
-            1.0,
-            tuple(range(n)),
-            nominal.offset,
-        )
+        R, t = (np.array(x, dtype=object) for x in (nominal.rotation, nominal.translation))
+        order = tuple(range(len(nominal.prismatic)))
+        return cls(R, t, nominal.prismatic, 1.0, order, nominal.offset)
 
     @property
     def n(self) -> int:
@@ -124,10 +120,8 @@ class ExactChain:
 
     def backward(self) -> ExactChain:
         """The chain from tip to base: the same arm, with its tip held and its base moved."""
-        turned = tuple(_transposed(R) for R in self.rotation[::-1])
-        moved = tuple(
-            _negated(apply(R, t)) for R, t in zip(turned, self.translation[::-1], strict=True)
-        )
+        turned = self.rotation[::-1].swapaxes(1, 2)
+        moved = -(turned @ self.translation[::-1, :, None])[:, :, 0]
         return ExactChain(
             turned, moved, self.prismatic[::-1], -self.sign, self.order[::-1], self.offset
         )
@@ -137,97 +131,41 @@ class ExactChain:
         return self.sign * (Q + self.offset)[..., list(self.order)]
 
     @cached_property
-    def numbers(self) -> tuple[Array, Array]:
-        """Rotations (n + 1, 3, 3) and translations (n + 1, 3) as floats."""
-        R = np.array([[[float(x) for x in row] for row in M] for M in self.rotation])
-        return R, np.array([[float(x) for x in t] for t in self.translation])
+    def numbers(self) -> Chain:
+        """The same as floats."""
+        R, t = self.rotation.astype(float), self.translation.astype(float)
+        return Chain(R, t, np.array(self.prismatic, dtype=bool))
 
     def frames(self, x: Array) -> tuple[Array, Array]:
-        """Return rotation (N, n, 3, 3) and origin (N, n, 3) of joint frames before they turn."""
-        C, c = self.numbers
-        N = len(x)
-        R, p = np.broadcast_to(np.eye(3), (N, 3, 3)), np.zeros((N, 3))
-        rotations, origins = np.empty((N, self.n, 3, 3)), np.empty((N, self.n, 3))
-        for j in range(self.n):
-            p = p + R @ c[j]
-            R = R @ C[j]
-            rotations[:, j], origins[:, j] = R, p
-            if self.prismatic[j]:
-                p = p + R[:, :, 2] * x[:, j, None]
-            else:
-                R = R @ turns(x[:, j])
-        return rotations, origins
+        """Return `joint_frames` at values x (N, n) of this chain."""
+        return joint_frames(self.numbers, x)
 
     def parallel(self, j: int) -> bool:
         """Return True if axes j and j + 1 are parallel."""
-        R = self.rotation[j + 1]
-        return R[0][2] == 0 and R[1][2] == 0
-
-    def perpendicular(self, j: int) -> bool:
-        """Return True if axes j and j + 1 are at right angles."""
-        return self.rotation[j + 1][2][2] == 0
+        return not self.rotation[j + 1, :2, 2].any()
 
     def crossing(self, j: int) -> tuple[Exact, Exact] | None:
         """Heights along axes j and j + 1 of the point where they cross; None if they do not."""
-        R, t = self.rotation[j + 1], self.translation[j + 1]
-        x, y = R[0][2], R[1][2]
-        size = x * x + y * y
-        if size == 0 or t[0] * y - t[1] * x != 0:
+        axis, t = self.rotation[j + 1, :, 2], self.translation[j + 1]
+        size = axis[:2] @ axis[:2]
+        if size == 0 or _cross(t, axis) != 0:
             return None
-        along = -(t[0] * x + t[1] * y) / size
-        return t[2] + along * R[2][2], along
+        along = -(t[:2] @ axis[:2]) / size
+        return t[2] + along * axis[2], along
 
-    def common_point(self, j: int) -> Vector | None:
-        """Return the point where axes j, j + 1 and j + 2 always meet, before joint j; else None."""
-        first, second = self.crossing(j), self.crossing(j + 1)
-        if first is None or second is None or first[1] != second[0]:
-            return None
-        zero = Fraction(0)
-        return zero, zero, first[0]
-
-    def seen_before(self, j: int, height: Exact) -> Vector:
+    def seen_before(self, j: int, height: Exact) -> Exacts:
         """The point at a height along axis j, in the frame that joint j - 1 moves."""
-        C, c = self.rotation[j], self.translation[j]
-        return c[0] + C[0][2] * height, c[1] + C[1][2] * height, c[2] + C[2][2] * height
-
-    def planar_middle(self) -> float | None:
-        """Return the height along axis 4 of the last axis, if the three before are parallel."""
-        # The joints all turn, and the axes before and after these three are not parallel to them.
-        crossing = self.crossing(4)
-        if any(self.prismatic) or crossing is None or self.parallel(0) or self.parallel(3):
-            return None
-        return float(crossing[0]) if self.parallel(1) and self.parallel(2) else None
+        return np.asarray(self.translation[j] + self.rotation[j, :, 2] * height)
 
 
-def apply(R: Matrix, v: Sequence[Exact]) -> Vector:
-    """The exact vector R v."""
-    x, y, z = (row[0] * v[0] + row[1] * v[1] + row[2] * v[2] for row in R)
-    return x, y, z
+def _cross(a: Exacts, b: Exacts) -> Exact:
+    """Height of the vector product of two vectors."""
+    return a[0] * b[1] - a[1] * b[0]  # type: ignore[no-any-return]
 
 
-def added(a: Sequence[Exact], b: Sequence[Exact]) -> Vector:
-    """The exact vector a + b."""
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
-def transposed_apply(R: Matrix, v: Sequence[Exact]) -> Vector:
-    """The exact vector R' v."""
-    return apply(_transposed(R), v)
-
-
-def turns(angle: Array) -> Array:
-    """Rotations (N, 3, 3) about z."""
-    c, s, zero = np.cos(angle), np.sin(angle), np.zeros(len(angle))
-    return np.moveaxis(np.array([[c, -s, zero], [s, c, zero], [zero, zero, zero + 1]]), -1, 0)
-
-
-def _transposed(R: Matrix) -> Matrix:
-    a, b, c = R
-    return (a[0], b[0], c[0]), (a[1], b[1], c[1]), (a[2], b[2], c[2])
-
-
-def _negated(v: Vector) -> Vector:
-    return -v[0], -v[1], -v[2]
+def _squared(a: Exacts) -> Exacts:
+    """The pair as a complex number, squared: direction of twice the angle."""
+    return np.array([a[0] * a[0] - a[1] * a[1], 2 * a[0] * a[1]])
 
 
 MOST = 800_000
@@ -245,7 +183,7 @@ def _discriminant(c0: Array, c1: Array, c2: Array, c3: Array, sign: float = 1.0)
     )
 
 
-def one_root_left(cubic: Measures, most: int = MOST) -> bool:
+def one_root_left(cubic: Point, most: int = MOST) -> bool:
     """Return True if the discriminant is proven negative all over the torus of q2 and q3."""
     # It is largest somewhere: where no box around shows growth in some direction.
     (amplitude, phase, rate), made = cubic.expanded(), 0
@@ -291,80 +229,68 @@ class SolutionStage:
     reason: str  # why there are at most two
 
 
-Pair = tuple[Exact, Exact]
-_ZERO = Fraction(0)
-
-
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A point that three joints move, the first two of which turn; exact numbers.
+    """A point that three joints move, the first two of which turn; numbers exact, or floats.
 
     ``v = constant + cosine cos q3 + sine sin q3``, or ``constant + cosine q3`` for a slide.
     """
 
     chain: ExactChain
     slides: bool
-    e: Vector
-    tau: Vector
-    constant: Vector
-    cosine: Vector
-    sine: Vector
+    e: Exacts
+    tau: Exacts
+    constant: Exacts
+    cosine: Exacts
+    sine: Exacts
 
     @classmethod
-    def of(cls, chain: ExactChain, w: Vector) -> Point | None:
+    def of(cls, chain: ExactChain, w: Exacts) -> Point | None:
         """The point w of the third joint's frame; None where one of the first two slides."""
         if chain.prismatic[0] or chain.prismatic[1]:
             return None
-        R, t = chain.rotation[1], chain.translation[1]
-        C, c = chain.rotation[2], chain.translation[2]
-        e: Vector = (R[2][0], R[2][1], R[2][2])
-        tau = transposed_apply(R, t)
-        if (size := e[0] * e[0] + e[1] * e[1]) != 0:
-            shift = (tau[0] * e[0] + tau[1] * e[1]) / size
-            tau = tau[0] - shift * e[0], tau[1] - shift * e[1], tau[2] - shift * e[2]
-        nothing: Vector = (_ZERO, _ZERO, _ZERO)
+        (_, R, C, *_), (_, t, c, *_) = chain.rotation, chain.translation
+        e, tau = R[2], R.T @ t
+        if (size := e[:2] @ e[:2]) != 0:
+            tau = tau - (tau[:2] @ e[:2]) / size * e
+        x, y, z = C.T
         if chain.prismatic[2]:
-            u: Vector = (C[0][2], C[1][2], C[2][2])
-            return cls(chain, True, e, tau, added(c, apply(C, w)), u, nothing)
-        return cls(
-            chain,
-            False,
-            e,
-            tau,
-            added(c, apply(C, (_ZERO, _ZERO, w[2]))),
-            apply(C, (w[0], w[1], _ZERO)),
-            apply(C, (-w[1], w[0], _ZERO)),
-        )
+            return cls(chain, True, e, tau, c + C @ w, z, 0 * z)
+        return cls(chain, False, e, tau, c + z * w[2], x * w[0] + y * w[1], y * w[0] - x * w[1])
+
+    @cached_property
+    def numbers(self) -> Point:
+        """The same as floats, for what is asked at configurations Q (N, n) of the arm."""
+        exact = ("e", "tau", "constant", "cosine", "sine")
+        return replace(self, **{name: getattr(self, name).astype(float) for name in exact})
 
     @property
     def parallel(self) -> bool:
         """True if the first two axes are."""
-        return self.e[0] == 0 and self.e[1] == 0
+        return not self.e[:2].any()
 
     @property
     def crossing(self) -> bool:
         """True if the first two axes meet in a point."""
-        return not self.parallel and self.tau[0] == 0 and self.tau[1] == 0
+        return not self.parallel and not self.tau[:2].any()
 
     @property
-    def height(self) -> Pair:
+    def height(self) -> Exacts:
         """v_z as a function of q3: coefficients of cos and sin, or of q3 and its square."""
-        return self.cosine[2], self.sine[2]
+        return np.array([self.cosine[2], self.sine[2]])
 
     @property
-    def square(self) -> Pair:
+    def square(self) -> Exacts:
         """|v|^2 as a function of q3."""
-        if self.slides:
-            return 2 * _dot(self.constant, self.cosine), Fraction(1)
-        return 2 * _dot(self.constant, self.cosine), 2 * _dot(self.constant, self.sine)
+        last = 1 if self.slides else 2 * (self.constant @ self.sine)
+        return np.array([2 * (self.constant @ self.cosine), last])
 
     @property
-    def h(self) -> Pair:
+    def h(self) -> Exacts:
         """The number h as a function of q3."""
-        n, m, twice = self.square, self.height, 2 * self.tau[2]
-        return n[0] + twice * m[0], n[1] + twice * m[1]
+        return np.asarray(self.square + 2 * self.tau[2] * self.height)
 
-    def mirror(self) -> Pair | None:
+    def mirror(self) -> Exacts | None:
         """Return the direction (cos, sin) of the q3 about which P is even, ``(c, 1)`` for a slide.
 
         None where P, with all its coefficients of S and Z, is not.
@@ -373,51 +299,19 @@ class Point:
         if self.slides:
             # h is quadratic, v_z linear: |v|^2 - v_z^2 and h are even about the same value.
             middle = -h[0] / 2
-            radial: Exact = 1 - m[0] * m[0]
             slope = n[0] - 2 * self.constant[2] * m[0]
-            even = ez * m[0] == 0 and slope + 2 * radial * middle == 0
-            return (middle, Fraction(1)) if even else None
-        s2 = self.e[0] * self.e[0] + self.e[1] * self.e[1]
-        a2 = self.tau[0] * self.tau[0] + self.tau[1] * self.tau[1]
-        h0 = (
-            _dot(self.constant, self.constant)
-            + _dot(self.cosine, self.cosine)
-            + 2 * self.tau[2] * self.constant[2]
-        )
-        over = ez * ez / s2
-        free = tuple(
-            h0 * h[k] / (2 * a2) - n[k] + 2 * (1 + over) * self.constant[2] * m[k] for k in (0, 1)
-        )
-        first = [h, (ez * m[0], ez * m[1]), (free[0], free[1])]
-        hh, mm = _squared(h), _squared(m)
-        second = tuple(hh[k] / (8 * a2) + (1 + over) * mm[k] / 2 for k in (0, 1))
-        if (given := next((p for p in first if not _is_zero(p)), None)) is None:
+            even = ez * m[0] == 0 and slope + 2 * (1 - m[0] * m[0]) * middle == 0
+            return np.array([middle, 1]) if even else None
+        a2 = self.tau[:2] @ self.tau[:2]
+        h0 = self.constant @ self.constant + self.cosine @ self.cosine
+        h0 = h0 + 2 * self.tau[2] * self.constant[2]
+        over = 1 + ez * ez / (self.e[:2] @ self.e[:2])
+        first = [h, ez * m, h0 * h / (2 * a2) - n + 2 * over * self.constant[2] * m]
+        second = _squared(h) / (8 * a2) + over * _squared(m) / 2
+        given = next((p for p in first if p.any()), None)
+        if given is None or any(_cross(given, p) != 0 for p in first):
             return None
-        alike = all(_cross(given, p) == 0 for p in first)
-        return given if alike and _cross(_squared(given), (second[0], second[1])) == 0 else None
-
-    @cached_property
-    def numbers(self) -> Measures:
-        """The same as floats."""
-        return Measures(
-            self.chain,
-            self.slides,
-            *(np.array([float(x) for x in v]) for v in (self.e, self.tau)),
-            *(np.array([float(x) for x in v]) for v in (self.constant, self.cosine, self.sine)),
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class Measures:
-    """What the stages are computed from, at configurations Q (N, n) of the arm."""
-
-    chain: ExactChain
-    slides: bool
-    e: Array
-    tau: Array
-    constant: Array
-    cosine: Array
-    sine: Array
+        return given if _cross(_squared(given), second) == 0 else None
 
     def third(self, Q: Array) -> tuple[Array, Array]:
         """The vector v and its derivative by q3, (N, 3) each."""
@@ -425,48 +319,39 @@ class Measures:
         if self.slides:
             return self.constant + self.cosine * q, np.broadcast_to(self.cosine, (len(q), 3))
         c, s = np.cos(q), np.sin(q)
-        return (self.constant + self.cosine * c + self.sine * s, self.sine * c - self.cosine * s)
+        return self.constant + self.cosine * c + self.sine * s, self.sine * c - self.cosine * s
 
     def second(self, Q: Array, v: Array) -> Array:
-        """The vector v turned about the second axis, (N, 3)."""
+        """The vector v turned about the second axis, its first two components (2, N)."""
         q = self.chain.values(Q)[:, 1]
         c, s = np.cos(q), np.sin(q)
-        return np.stack([c * v[:, 0] - s * v[:, 1], s * v[:, 0] + c * v[:, 1], v[:, 2]], axis=1)
+        return np.array([c * v[:, 0] - s * v[:, 1], s * v[:, 0] + c * v[:, 1]])
 
     def h_by_third(self, Q: Array) -> Array:
         """Derivative of h by q3."""
         v, dv = self.third(Q)
         return np.asarray(2 * (v * dv).sum(axis=1) + 2 * self.tau[2] * dv[:, 2])
 
-    def by_second(self, along: Array) -> Callable[[Array], Array]:
+    def by_second(self, along: Array, Q: Array) -> Array:
         """Derivative by q2 of the part of ``Rz(q2) v`` along a vector."""
-
-        def value(Q: Array) -> Array:
-            u = self.second(Q, self.third(Q)[0])
-            return np.asarray(along[1] * u[:, 0] - along[0] * u[:, 1])
-
-        return value
+        u = self.second(Q, self.third(Q)[0])
+        return np.asarray(along[1] * u[0] - along[0] * u[1])
 
     def slope(self, Q: Array) -> Array:
         """Derivative P' at q3, S and Z those of the configuration."""
         v, dv = self.third(Q)
-        u = self.second(Q, v)
-        T, E = u[:, :2] @ self.tau[:2], u[:, :2] @ self.e[:2]
-        a2, s2 = self.tau[:2] @ self.tau[:2], self.e[:2] @ self.e[:2]
-        out = -T * self.h_by_third(Q) / a2 - 2 * E * self.e[2] * dv[:, 2] / s2
+        tau, e, u = self.tau[:2], self.e[:2], self.second(Q, v)
+        out = -(tau @ u) * self.h_by_third(Q) / (tau @ tau)
+        out = out - 2 * (e @ u) * self.e[2] * dv[:, 2] / (e @ e)
         return np.asarray(out - 2 * (v[:, :2] * dv[:, :2]).sum(axis=1))
 
-    def from_mirror(self, mirror: Pair) -> Callable[[Array], Array]:
+    def from_mirror(self, mirror: Exacts, Q: Array) -> Array:
         """Sine of the angle of q3 from where P is even, or the length."""
-        c, s = float(mirror[0]), float(mirror[1])
-
-        def value(Q: Array) -> Array:
-            q = self.chain.values(Q)[:, 2]
-            if self.slides:
-                return np.asarray(q - c)
-            return np.asarray((c * np.sin(q) - s * np.cos(q)) / np.hypot(c, s))
-
-        return value
+        q = self.chain.values(Q)[:, 2]
+        c, s = mirror.astype(float)
+        if self.slides:
+            return np.asarray(q - c)
+        return np.asarray((c * np.sin(q) - s * np.cos(q)) / np.hypot(c, s))
 
     def discriminant(self, x: Array) -> Array:
         """That of the cubic which is left of P without the root q3, at q2 and q3 (N, 2): (N,)."""
@@ -527,25 +412,25 @@ class Measures:
         return np.abs(terms), np.angle(terms), np.array(rates, float)
 
 
-def ways_of(chain: ExactChain, w: Vector) -> tuple[SolutionStage, ...] | None:
+def ways_of(chain: ExactChain, w: Exacts) -> tuple[SolutionStage, ...] | None:
     """Return stages that tell apart all ways in which three joints bring w somewhere, or None."""
     # Two regular configurations that bring the point to the same place and agree in all signs are
     # the same but for whole turns.
     if (point := Point.of(chain, w)) is None:
         return None
-    m, h, third, second = point.numbers, point.h, chain.order[2], chain.order[1]
+    m, third, second = point.numbers, chain.order[2], chain.order[1]
     if point.parallel:
-        if _is_zero(point.height) or (point.tau[0] == 0 and point.tau[1] == 0):
+        if not point.height.any() or not point.tau[:2].any():
             return None
         said = "the first two axes are parallel: the height of the point depends on"
         far = f"its distance from the first axis leaves two values of joint {second + 1}"
-        last = SolutionStage("shoulder", second, m.by_second(m.tau), far)
+        last = SolutionStage("shoulder", second, lambda Q: m.by_second(m.tau, Q), far)
         if point.slides:
             return (last,)
         first = f"{said} joint {third + 1} alone, which has two values"
         return SolutionStage("elbow", third, lambda Q: m.third(Q)[1][:, 2], first), last
     if point.crossing:
-        if _is_zero(h):
+        if not point.h.any():
             return None
         first = (
             "the first two axes cross: how far the point is from there depends on "
@@ -554,10 +439,9 @@ def ways_of(chain: ExactChain, w: Vector) -> tuple[SolutionStage, ...] | None:
         high = f"its height leaves two values of joint {second + 1}"
         return (
             SolutionStage("elbow", third, m.h_by_third, first),
-            SolutionStage("shoulder", second, m.by_second(m.e), high),
+            SolutionStage("shoulder", second, lambda Q: m.by_second(m.e, Q), high),
         )
     if (mirror := point.mirror()) is not None:
-        aside = m.from_mirror(mirror)
         first = (
             f"height and distance of the point are the same for two values of joint {third + 1} "
             "that are mirror images, whatever the others"
@@ -566,11 +450,12 @@ def ways_of(chain: ExactChain, w: Vector) -> tuple[SolutionStage, ...] | None:
         far = f"the {what} from the mirror solves a quadratic equation"
 
         def steep(Q: Array) -> Array:
-            side = aside(Q)
+            side = m.from_mirror(mirror, Q)
             return np.where(side == 0, 0.0, m.slope(Q) / np.where(side == 0, 1.0, side))
 
-        return SolutionStage("elbow", third, aside, first), SolutionStage(
-            "shoulder", second, steep, far
+        return (
+            SolutionStage("elbow", third, lambda Q: m.from_mirror(mirror, Q), first),
+            SolutionStage("shoulder", second, steep, far),
         )
     if point.slides or not one_root_left(m):
         return None
@@ -580,23 +465,6 @@ def ways_of(chain: ExactChain, w: Vector) -> tuple[SolutionStage, ...] | None:
         f"joints {second + 1} and {third + 1}: certified), of opposite signs of its slope"
     )
     return (SolutionStage("", third, m.slope, only),)
-
-
-def _dot(a: Sequence[Exact], b: Sequence[Exact]) -> Exact:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def _is_zero(a: Pair) -> bool:
-    return a[0] == 0 and a[1] == 0
-
-
-def _cross(a: Pair, b: Pair) -> Exact:
-    return a[0] * b[1] - a[1] * b[0]
-
-
-def _squared(a: Pair) -> Pair:
-    """The pair as a complex number, squared: direction of twice the angle."""
-    return a[0] * a[0] - a[1] * a[1], 2 * a[0] * a[1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -647,15 +515,17 @@ def _ladder(geometry: Nominal) -> Ladder | None:
     if rows == tuple(range(6)) and n == 6:
         ways = (read for read in (chain, chain.backward()) if not any(read.prismatic[3:]))
         return next(filter(None, (_wrist(read) or _planar_middle(read) for read in ways)), None)
-    if rows == tuple(range(6)) or (rows == (0, 1, 5) and _upright(chain)):
+    upright = not chain.rotation[0, :2, 2].any()  # the first axis is along z of the base
+    if rows == tuple(range(6)) or (rows == (0, 1, 5) and upright):
         return _planar(chain)
     return None
 
 
 def _wrist(chain: ExactChain) -> Ladder | None:
-    if (point := chain.common_point(3)) is None:
+    first, second = chain.crossing(3), chain.crossing(4)
+    if first is None or second is None or first[1] != second[0]:
         return None
-    height = point[2]
+    height = first[0]
     if (stages := ways_of(chain, chain.seen_before(3, height))) is None:
         return None
     where = "wrist" if chain.sign > 0 else "shoulder"
@@ -667,8 +537,7 @@ def _bent(chain: ExactChain, j: int, name: str) -> SolutionStage:
     """The angle of axes j - 1 and j + 1 as a step that finds joint j."""
 
     def value(Q: Array) -> Array:
-        x = chain.values(Q)[:, j]
-        C, _ = chain.numbers
+        x, C = chain.values(Q)[:, j], chain.numbers.R
         a, b = C[j][2], C[j + 1][:, 2]
         c, s = np.cos(x), np.sin(x)
         return np.asarray(-s * (a[0] * b[0] + a[1] * b[1]) + c * (a[1] * b[0] - a[0] * b[1]))
@@ -680,8 +549,13 @@ def _bent(chain: ExactChain, j: int, name: str) -> SolutionStage:
 
 
 def _planar_middle(chain: ExactChain) -> Ladder | None:
-    if (height := chain.planar_middle()) is None:
+    # The joints all turn, and the axes before and after these three are not parallel to them.
+    crossing = chain.crossing(4)
+    if any(chain.prismatic) or crossing is None or chain.parallel(0) or chain.parallel(3):
         return None
+    if not (chain.parallel(1) and chain.parallel(2)):
+        return None
+    height = float(crossing[0])
 
     def shoulder(Q: Array) -> Array:
         R, p = chain.frames(chain.values(Q))
@@ -720,69 +594,44 @@ def _two_links(chain: ExactChain, places: tuple[int, int, int]) -> SolutionStage
     return SolutionStage("elbow", joint, value, said)
 
 
-def _upright(chain: ExactChain) -> bool:
-    """Return True if the first axis is along z of the base."""
-    C = chain.rotation[0]
-    return bool(C[0][2] == 0 and C[1][2] == 0)
-
-
 def posture_names(geometry: Nominal, Q: Array) -> list[tuple[str, ...]]:
     """Names of the posture at configurations Q (N, n); empty where the field has none."""
     ladder = ladder_of(geometry)
-    out: list[tuple[str, ...]] = [() for _ in Q]
     if ladder is None or ladder.point is None or ladder.chain.sign < 0 or not len(Q):
-        return out
+        return [() for _ in Q]
     # The derivative of the cosine of the wrist's angle is negative while that grows.
     sign = -1 if geometry.arm.source.is_by("Fanuc") else 1
-    wrist = ["wrist no-flip" if sign * v < 0 else "wrist flip" for v in ladder.stages[-1].value(Q)]
-    words = [*_shoulder_and_elbow(geometry.arm, ladder, Q), wrist]
+    stays = sign * ladder.stages[-1].value(Q) < 0
+    words = _shoulder_and_elbow(geometry.arm, ladder.chain, *ladder.point, Q)
+    words.append(np.where(stays, "wrist no-flip", "wrist flip").tolist())
     return [tuple(w) for w in zip(*words, strict=True)]
 
 
-def _shoulder_and_elbow(arm: Arm, ladder: Ladder, Q: Array) -> list[list[str]]:
-    chain = ladder.chain
-    if any(chain.prismatic[:2]) or not chain.perpendicular(0):
+def _shoulder_and_elbow(
+    arm: Arm, chain: ExactChain, place: int, height: float, Q: Array
+) -> list[list[str]]:
+    if any(chain.prismatic[:2]) or chain.rotation[1, 2, 2] != 0:
         return []
-    ahead, aside, out, bend = _seen(ladder, np.stack([np.mean(arm.span, axis=0), *Q]))
-    if np.ptp(aside) > ROUNDING:
-        return []
-    words = []
-    if np.abs(aside).max() > ROUNDING:
-        words.append(
-            [
-                "shoulder " + ("right" if a * s > 0 else "left")
-                for a, s in zip(ahead, aside, strict=True)
-            ][1:]
-        )
-    else:
-        # A positive joint 2 leans an upright arm against `ahead`.
-        sides = [x for x in (out[0], ahead[0], -1.0) if abs(x) > ROUNDING]
-        words.append(["shoulder " + ("front" if a * sides[0] > 0 else "back") for a in ahead[1:]])
-    if chain.parallel(1) and not chain.prismatic[2]:
-        words.append(
-            [
-                "elbow " + ("up" if a * b > 0 else "down")
-                for a, b in zip(ahead[1:], bend[1:], strict=True)
-            ]
-        )
-    return words
-
-
-def _seen(ladder: Ladder, Q: Array) -> tuple[Array, Array, Array, Array]:
-    """Of C: how far ahead of axis 1, how far along axis 2; of axis 2: how far ahead; the bend."""
-    chain = ladder.chain
-    if ladder.point is None:
-        raise ValueError("there is no point")
-    place, height = ladder.point
-    R, p = chain.frames(chain.values(Q))
+    R, p = chain.frames(chain.values(np.stack([np.mean(arm.span, axis=0), *Q])))
     up, across = R[:, 0, :, 2], R[:, 1, :, 2]
     up = np.where(up[:, 2:] < -ROUNDING, -up, up)
-    ahead = np.cross(up, across)
     C = p[:, place] + height * R[:, place, :, 2] - p[:, 0]
     shoulder, elbow = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
     # Where axis 4 is parallel too, the bend of the links between these three tells the postures.
     end = p[:, 3] - p[:, 0] if chain.parallel(1) and chain.parallel(2) else C
-    bend = np.cross(end - shoulder, elbow - shoulder)
-    return tuple(
-        (a * b).sum(axis=1) for a, b in ((ahead, C), (across, C), (ahead, shoulder), (across, bend))
-    )
+    forward = np.cross(up, across)
+    ahead, aside = (forward * C).sum(axis=1), (across * C).sum(axis=1)
+    bend = (across * np.cross(end - shoulder, elbow - shoulder)).sum(axis=1)
+    if np.ptp(aside) > ROUNDING:
+        return []
+    if np.abs(aside).max() > ROUNDING:
+        said = np.where(ahead * aside > 0, "shoulder right", "shoulder left")
+    else:
+        # A positive joint 2 leans an upright arm against what is ahead.
+        out = (forward[0] * shoulder[0]).sum()
+        side = next(x for x in (out, ahead[0], -1.0) if abs(x) > ROUNDING)
+        said = np.where(ahead * side > 0, "shoulder front", "shoulder back")
+    words = [said[1:].tolist()]
+    if chain.parallel(1) and not chain.prismatic[2]:
+        words.append(np.where(ahead * bend > 0, "elbow up", "elbow down")[1:].tolist())
+    return words

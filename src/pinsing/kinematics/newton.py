@@ -23,103 +23,79 @@ its middle. No closed form is needed, and families of every codimension count.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 
-from pinsing._types import Array, Chain, Ints
+from pinsing._types import Array
 from pinsing.errors import OptionError
-from pinsing.kinematics.batch import picked, turn_left
+from pinsing.kinematics.batch import joint_frames, picked, turn_left
 from pinsing.kinematics.verdict import generic_rank
 from pinsing.measures import FLOAT_NOISE, SOLVED
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
-from pinsing.robot.joint_space import JointSpace
-from pinsing.robot.task import POSE, POSITION, Task
+from pinsing.robot.task import POSE, POSITION
 
 _BESIDE = 0.1
 """Joint distance within which a start that stalled says nothing more than the solution there."""
+_ITERATIONS = 60
+_STEP = 0.7
 
 
-@dataclass(eq=False)
-class Stalled:
-    """Where starts ended that all but reached a pose.
+class Solver:
+    """Damped Newton steps to one pose for many configurations at once.
+
+    ``held`` (n,) is NaN for joints that are free, ``rotation`` None where it does not count.
 
     Newton's steps stall where J is nearly singular: what is left of the pose is small along a
     valley. So a small rest means that a solution may be near, not that the pose is out of reach.
     """
 
-    space: JointSpace
-    Q: list[Array] = field(default_factory=list)
-    left: list[float] = field(default_factory=list)
-
-    def add(self, Q: Array, left: Array) -> None:
-        """Keep the ends Q (N, n), at each of which ``left`` (N,) of the pose remains."""
-        # What is left of the pose below which a start all but reached it: radians, or length
-        # scales.
-        for k in np.flatnonzero(left < 1e-5)[: 512 - len(self.Q)]:
-            self.Q.append(Q[k])
-            self.left.append(float(left[k]))
-
-    def doubt(self, solutions: Array) -> str:
-        """Return the doubts that solutions (K, n) are all; empty if there are none."""
-        if not self.Q:
-            return ""
-        Q, left = np.array(self.Q), np.array(self.left)
-        for q in solutions:
-            away = np.abs(self.space.wrap(Q - q)).max(axis=1) > _BESIDE
-            Q, left = Q[away], left[away]
-        if not len(Q):
-            return ""
-        count = f"{len(Q)} start{'s' * (len(Q) != 1)}"
-        return (
-            f"{count} came within {left.min():.1g} of the pose and stalled, as happens next to "
-            "singular configurations: there may be a solution there"
-        )
-
-
-_ITERATIONS = 60
-_STEP = 0.7
-
-
-@dataclass(frozen=True, eq=False)
-class Solver:
-    """Damped Newton steps for many configurations at once."""
-
-    chain: Chain
-    position: Array
-    rotation: Array | None
-    task: Task
-    free: Ints
-    scale: float
-    weight: Array
-
-    @classmethod
-    def of(
-        cls, arm: Arm, position: Array, rotation: Array | None, held: Array, free: Ints
-    ) -> Solver:
-        """The solver of one pose, some joints of which are held."""
+    def __init__(
+        self,
+        arm: Arm,
+        position: Array,
+        rotation: Array | None = None,
+        held: Array | None = None,
+    ) -> None:
         OptionError.refuse_if(
             arm.coupling is not None,
             f"{arm.name}: inverse solutions are found for arms whose joints are all "
             "revolute or prismatic, none a mimic",
         )
-        chain, scale = flatten(arm), arm.length_scale
-        weight = np.where(arm.prismatic, 1 / scale, 1.0)[free]
-        return cls(chain, position, rotation, arm.task, free, scale, weight)
+        self.arm, self.position, self.rotation = arm, position, rotation
+        self.chain, self.task, self.scale = flatten(arm), arm.task, arm.length_scale
+        self.held = np.full(arm.n, np.nan) if held is None else held
+        self.free = np.flatnonzero(np.isnan(self.held))
+        self.weight = np.where(arm.prismatic, 1 / self.scale, 1.0)[self.free]
+        self._stalled = np.empty((0, arm.n + 1))  # ends (K, n) of starts, and what was left there
 
     def solve(
-        self, Q: Array, steps: int = _ITERATIONS, stalled: Stalled | None = None
+        self, Q: Array, steps: int = _ITERATIONS, remember: bool = False
     ) -> tuple[Array, Array]:
         """Return solutions (K, n) reached from starts Q (N, n), and residuals (K,)."""
-        # Others are told to ``stalled``. A pose whose squares overflow is reached by none.
+        # Of others ``doubt`` knows if asked to. A pose whose squares overflow is reached by none.
         with np.errstate(over="ignore", invalid="ignore"):
             Q, left = self._descend(Q.copy(), steps)
         good = left < SOLVED
-        if stalled is not None:
-            stalled.add(Q[~good], left[~good])
+        if remember:
+            # What is left of the pose below which a start all but reached it: radians, or length
+            # scales.
+            ends = np.column_stack([Q, left])[~good & (left < 1e-5)]
+            self._stalled = np.concatenate([self._stalled, ends])[:512]
         return Q[good], left[good]
+
+    def doubt(self, solutions: Array) -> str:
+        """Return the doubts that solutions (K, n) are all; empty if there are none."""
+        gaps = self.arm.space.wrap(self._stalled[:, None, :-1] - solutions)
+        left = self._stalled[(np.abs(gaps).max(axis=2) > _BESIDE).all(axis=1), -1]
+        if not len(left):
+            return ""
+        count = f"{len(left)} start{'s' * (len(left) != 1)}"
+        return (
+            f"{count} came within {left.min():.1g} of the pose and stalled, as happens next to "
+            "singular configurations: there may be a solution there"
+        )
 
     def _descend(self, Q: Array, steps: int) -> tuple[Array, Array]:
         damping = np.full(len(Q), 1e-2)
@@ -155,32 +131,17 @@ class Solver:
 
     def linear(self, Q: Array) -> tuple[Array, Array]:
         """Return the residual of the pose (N, m), and its derivatives by the free joints."""
-        N, n = Q.shape
-        C, t = self.chain.R, self.chain.t
-        R, p = np.broadcast_to(C[0], (N, 3, 3)), np.broadcast_to(t[0], (N, 3))
-        z, o = np.empty((n, N, 3)), np.empty((n, N, 3))
-        for j in range(n):
-            z[j], o[j] = R[:, :, 2], p
-            if self.chain.prismatic[j]:
-                p = p + R[:, :, 2] * Q[:, j, None]
-            else:
-                c, s = np.cos(Q[:, j])[:, None], np.sin(Q[:, j])[:, None]
-                x, y = R[:, :, 0], R[:, :, 1]
-                R = np.stack([x * c + y * s, y * c - x * s, R[:, :, 2]], axis=2)
-            p = p + R @ t[j + 1]
-            R = R @ C[j + 1]
-        J = np.zeros((N, 6, n))
+        R, p = joint_frames(self.chain, Q)
+        z, R, tip, slides = R[:, :-1, :, 2], R[:, -1], p[:, -1], self.chain.prismatic[:, None]
         # By components: np.cross costs more than all else here.
-        (a, b, c), (d, e, f) = np.moveaxis(z, 2, 0), np.moveaxis(p - o, 2, 0)
+        (a, b, c), (d, e, f) = (np.moveaxis(x, 2, 0) for x in (z, tip[:, None] - p[:, :-1]))
         moved = np.stack([b * f - c * e, c * d - a * f, a * e - b * d], axis=2)
-        slides = np.asarray(self.chain.prismatic, dtype=bool)[:, None, None]
-        J[:, :3] = np.where(slides, z, moved).transpose(1, 2, 0)
-        J[:, 3:] = np.where(slides, 0.0, z).transpose(1, 2, 0)
-        error = np.zeros((N, 6))
-        error[:, :3] = (self.position - p) / self.scale
+        columns = np.where(slides, z, moved) / self.scale, np.where(slides, 0.0, z)
+        J = np.concatenate(columns, axis=2).transpose(0, 2, 1)
+        error = np.zeros((len(Q), 6))
+        error[:, :3] = (self.position - tip) / self.scale
         if self.rotation is not None:
             error[:, 3:] = turn_left(self.task, R, self.rotation)
-        J[:, :3] /= self.scale
         wanted = picked(self.task, error[:, :, None], R)[:, :, 0]
         return wanted, picked(self.task, J, R)[:, :, self.free] / self.weight
 
@@ -227,12 +188,6 @@ def radii(solver: Solver, Q: Array) -> Array:
     return out
 
 
-def bend(solver: Solver, Q: Array) -> Array:
-    """Bound (K,) the second derivatives of the pose by weighted joints near Q (K, n)."""
-    # Wherever joints turn, and slides by less than 0.1 m more.
-    return _bend(solver, _reach(solver, Q))
-
-
 def _reach(solver: Solver, Q: Array) -> Array:
     """Return how far the tip can be from each joint, (K, n)."""
     step = np.linalg.norm(solver.chain.t, axis=1)[1:]
@@ -265,8 +220,9 @@ _MOST = 200_000
 
 def regular_way(arm: Arm, path: Array, most: int = _MOST) -> bool:
     """Return True if a polyline (K, n) has the generic rank, proven by ``most`` pieces at most."""
-    solver, rank = _solver(arm), generic_rank(arm)
-    steep = float(bend(solver, path).max())
+    solver, rank = Solver(arm, np.zeros(3)), generic_rank(arm)
+    # Of second derivatives wherever joints turn, and slides by less than 0.1 m more.
+    steep = float(_bend(solver, _reach(solver, path)).max())
     ends = np.array(list(pairwise(path)))
     done = 0
     while len(ends):
@@ -298,8 +254,4 @@ def one_sheet(arm: Arm, a: Array, b: Array) -> bool:
 
 def columns(arm: Arm, Q: Array) -> Array:
     """Task Jacobians (N, m, n) of a serial arm whose joints are independent; joints weighted."""
-    return _solver(arm).linear(Q)[1]
-
-
-def _solver(arm: Arm) -> Solver:
-    return Solver.of(arm, np.zeros(3), None, np.full(arm.n, np.nan), np.arange(arm.n))
+    return Solver(arm, np.zeros(3)).linear(Q)[1]

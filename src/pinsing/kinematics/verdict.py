@@ -33,6 +33,7 @@ from pinsing.kinematics.batch import (
     Batch,
     batch,
     fixed_engine as fixed_engine,
+    joint_frames,
     own_scale,
     random_turns,
 )
@@ -365,22 +366,9 @@ class _Frame:
 
     def screws(self, Q: Array) -> tuple[Array, Array]:
         """Translations and rotations (N, n, 3) of unit steps, in the axes of the base."""
-        chain = self.chain
-        R, p = np.broadcast_to(np.eye(3), (len(Q), 3, 3)), np.zeros((len(Q), 3))
-        axes, origins = [], []
-        for i, slides in enumerate(chain.prismatic):
-            p, R = p + R @ chain.t[i], R @ chain.R[i]
-            axes.append(R[:, :, 2])
-            origins.append(p)
-            if slides:
-                p = p + Q[:, i : i + 1] * axes[-1]
-            else:
-                c, s = np.cos(Q[:, i, None]), np.sin(Q[:, i, None])
-                x, y, z = np.moveaxis(R, 2, 0)
-                R = np.stack([c * x + s * y, c * y - s * x, z], axis=2)
-        origins.append(p + R @ chain.t[-1])
-        a, slides = np.stack(axes, axis=1), chain.prismatic[:, None]
-        off = np.stack(origins[:-1], axis=1) - origins[self.link][:, None]
+        R, p = joint_frames(self.chain, Q)
+        a, slides = R[:, :-1, :, 2], self.chain.prismatic[:, None]
+        off = p[:, :-1] - p[:, self.link, None]
         v = np.where(slides, self.slide * a, np.cross(off, a))
         return self.metre * v, np.where(slides, 0.0, a)
 
