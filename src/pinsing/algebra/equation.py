@@ -6,31 +6,30 @@ show as sums of angles.
 
 With w = exp(i q), cos(q/2) and sin(q/2) are (w + 1) and -i (w - 1), both over 2 exp(i q/2): put
 in, a form of degree d is a polynomial in w whose coefficients are rational where the form's are,
-and w^k stands for the frequency k - d/2. Nothing is rounded, and nothing dropped: the coefficients
-are a table of whole numbers, a direction a joint, and one joint after the other is put in.
+and w^k stands for the frequency k - d/2. Nothing is rounded, and nothing dropped.
 
 How equations are written: signs, coefficients, angles and powers, as plain text or LaTeX.
 """
 
 from __future__ import annotations
 
-import functools
 import math
+import operator
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+from flint import Ordering, fmpz_mpoly_ctx
 
 from pinsing._types import Array, ArrayLike, Bool, Ints
-from pinsing.algebra.ring import Poly, Ring, terms_of
+from pinsing.algebra.ring import Poly, Ring, terms_of, whole_terms
 from pinsing.robot.source import Memory
-from pinsing.robot.surd import SQUARES, Exact, Surd, exact_of, exact_text, parts_of, surd
+from pinsing.robot.surd import SQUARES, Exact, exact_of, exact_text, parts_of, surd
 
 
 @dataclass(frozen=True)
@@ -142,124 +141,46 @@ def exact_sum(pieces: Sequence[tuple[Exact, str]], latex: bool) -> str:
 
 Key = tuple[tuple[int, ...], tuple[int, ...]]
 """Twice the multiple of each angle, the first one that is not 0 positive; powers of sliders."""
-Ints = Ints
 
 
 def fourier(poly: Poly, ring: Ring, quarters: Sequence[int]) -> dict[Key, tuple[Exact, Exact]]:
     """Return coefficients of cos(k.q/2), sin(k.q/2), up to a positive factor; none is (0, 0)."""
     # The ring's angle of each joint exceeds q by so many ``quarters`` of a turn.
-    terms = terms_of(poly)
-    some = next(iter(terms))
-    slides = np.array(ring.prismatic, dtype=bool)
-    degree = [
-        0 if slide else sum(int(some[v]) for v in ring.variables(j))
-        for j, slide in enumerate(ring.prismatic)
-    ]
-    places, kinds, numbers = _put_in(terms, ring, degree)
-    frequencies = np.where(slides, 0, 2 * places - np.array(degree))
-    powers = np.where(slides, places, 0)
-    eighths = frequencies @ np.array(quarters, dtype=np.int64)
-    # An odd number of them is odd for all terms: times exp(i pi/4), up to sqrt 2.
-    both = bool(eighths[0] % 2)
-    turns = (eighths // 2).tolist()
-    varying = [any(f) for f in frequencies.tolist()]
-    keys = zip(map(tuple, frequencies.tolist()), map(tuple, powers.tolist()), strict=True)
+    terms, roots = whole_terms(poly), tuple(getattr(ring, "roots", ()))
+    context = fmpz_mpoly_ctx.get(list(poly.context().names()), Ordering.lex)
+    gens, some = context.gens(), next(iter(terms))
+    images, seconds, degree = list(gens), [], [0] * len(ring.prismatic)
+    for j, first in enumerate(ring.start):
+        if not ring.prismatic[j]:
+            images[first], images[first + 1] = gens[first] + 1, gens[first] - 1
+            seconds.append(first + 1)
+            degree[j] = some[first] + some[first + 1]
+    halves: tuple[dict[Any, int], dict[Any, int]] = {}, {}  # what is real, and what is times i
+    for m, c in terms.items():
+        turns = sum([m[v] for v in seconds]) % 4
+        halves[turns % 2][m] = c * (1, -1, -1, 1)[turns]  # of (-i)^k: 1, -i, -1, i
+    joints = list(zip(ring.start, ring.prismatic, degree, strict=True))
     gathered: dict[Key, list[list[int]]] = defaultdict(lambda: [[0] * 4, [0] * 4])
-    for i, key in enumerate(keys):
-        imaginary, square = kinds[i]
-        # It is real: w^-k has the conjugate coefficient, and with it the same part of the sum.
-        c = 2 * numbers[i] if varying[i] else numbers[i]
-        for turn in (imaginary, imaginary + 1) if both else (imaginary,):
-            quarter = (turn + turns[i]) % 4
-            if quarter % 2 and not varying[i]:
-                continue  # a constant has no sine
-            gathered[key][quarter % 2][square] += -c if quarter >= 2 else c
+    for imaginary, half in enumerate(halves):
+        for m, c in terms_of(context.from_dict(half).compose(*images, ctx=context)).items():
+            frequency = tuple([0 if slides else 2 * m[v] - d for v, slides, d in joints])
+            lead = next((f for f in frequency if f), 0)
+            if lead < 0:  # it is real: w^-k has the conjugate coefficient
+                continue
+            key = frequency, tuple([m[v] if slides else 0 for v, slides, _ in joints])
+            square = SQUARES.index(math.prod(map(pow, roots, m[ring.nvars :])))
+            eighths = sum(map(operator.mul, frequency, quarters))
+            # An odd number of them is odd for all terms: times exp(i pi/4), up to sqrt 2.
+            for turn in range(imaginary, imaginary + 1 + eighths % 2):
+                quarter = (turn + eighths // 2) % 4
+                if lead or quarter % 2 == 0:  # a constant has no sine
+                    size = int(2 * c if lead else c)
+                    gathered[key][quarter % 2][square] += -size if quarter >= 2 else size
     pairs = (
         (key, (surd(*map(Fraction, real)), -surd(*map(Fraction, imag))))
         for key, (real, imag) in gathered.items()
     )
     return {key: pair for key, pair in pairs if any(pair)}  # a Surd is never zero
-
-
-def _put_in(
-    terms: Mapping[Any, Any], ring: Ring, degree: Sequence[int]
-) -> tuple[Ints, list[tuple[int, int]], list[int]]:
-    """Return powers of w and of sliders (N, n), if times i and which root, and whole numbers."""
-    # Of each frequency and its opposite only the one whose first entry that is not 0 is positive.
-    roots, count = tuple(getattr(ring, "roots", ())), ring.nvars
-    turning = [j for j, d in enumerate(degree) if d]
-    seconds = [ring.variables(j)[1] for j in turning]
-    sliders = [j for j, slide in enumerate(ring.prismatic) if slide]
-    lengths = [ring.variables(j)[0] for j in sliders]
-    shape = [degree[j] + 1 for j in turning]
-    scale = math.lcm(*{int(c.q) for c in terms.values()})  # sums of whole numbers are cheap
-    tables: dict[tuple[tuple[int, ...], int], dict[tuple[int, ...], int]] = {}
-    for m, c in terms.items():
-        square = math.prod([d for d, e in zip(roots, m[count:], strict=True) if e])
-        block = tables.setdefault((tuple([m[v] for v in lengths]), square), {})
-        second = [m[v] for v in seconds]
-        turns = sum(second) % 4
-        # Of (-i)^k: 1, -i, -1, i.
-        block[(turns % 2, *second)] = int(c.p) * (scale // int(c.q)) * (1, -1, -1, 1)[turns]
-    found: list[tuple[Ints, list[int], int]] = []
-    for (powers, square), block in tables.items():
-        at, numbers = _transformed(block, shape)
-        whole = np.zeros((len(at), len(degree) + 2), dtype=np.int64)
-        whole[:, 0], whole[:, -1] = at[:, 0], square
-        whole[:, [1 + j for j in sliders]] = powers
-        whole[:, [1 + j for j in turning]] = at[:, 1:]
-        found.append((whole, numbers, SQUARES.index(square)))
-    places = np.concatenate([whole for whole, _, _ in found])
-    numbers = [c for _, several, _ in found for c in several]
-    which = [k for _, several, k in found for _ in several]
-    # Those of the real part first; then greater powers before lesser ones.
-    order = np.lexsort([*(-places[:, :0:-1]).T, places[:, 0]]).tolist()
-    kinds = [(int(places[i, 0]), which[i]) for i in order]
-    return places[order, 1:-1], kinds, [numbers[i] for i in order]
-
-
-def _transformed(
-    block: Mapping[tuple[int, ...], int], shape: Sequence[int]
-) -> tuple[Ints, list[int]]:
-    """Return places (N, 1 + k) in a table and values, each x^a y^b as (w + 1)^a (w - 1)^b."""
-    # In parts that machine numbers have room for. Only nonzero ones, and of opposite places one.
-    grown = sum(d - 1 for d in shape)  # a joint of degree d makes numbers 2^d times as large
-    # Of a machine's whole number, and what is left of it for less than so many is not worth it.
-    room = 62 - grown - 1
-    numbers = list(block.values())
-    longest = max(abs(c).bit_length() for c in numbers)
-    kind: npt.DTypeLike = np.int64
-    if room < 8:
-        room, kind = longest, object
-    limbs = max(1, -(-longest // room))
-    table = np.zeros((2, *shape, limbs), dtype=kind)
-    at = tuple(np.array(list(block), dtype=np.intp).T)
-    mask = (1 << room) - 1
-    for k in range(limbs):
-        parts = [(abs(c) >> (k * room) & mask) * (1 if c > 0 else -1) for c in numbers]
-        table[(*at, k)] = np.array(parts, dtype=kind)
-    for axis, d in enumerate(shape, 1):
-        put = np.tensordot(table, _powers(d - 1).astype(kind), axes=([axis], [0]))
-        table = np.moveaxis(put, -1, axis)
-    places = np.argwhere(table.any(axis=-1))
-    twice = 2 * places[:, 1:] + 1 - np.array(shape, dtype=np.int64)
-    first = (twice != 0).argmax(axis=1) if len(shape) else 0
-    if len(shape):
-        places = places[twice[np.arange(len(twice)), first] >= 0]
-    found = table[tuple(places.T)].T.tolist()
-    out = found[0]
-    for k in range(1, limbs):
-        out = [c + (more << (k * room)) for c, more in zip(out, found[k], strict=True)]
-    there = [i for i, c in enumerate(out) if c]
-    return places[there], [out[i] for i in there]
-
-
-@functools.cache
-def _powers(degree: int) -> Ints:
-    """Coefficients of w^k (columns) in (w + 1)^(degree - b) (w - 1)^b (rows)."""
-    factors = ([[1, 1]] * (degree - b) + [[-1, 1]] * b for b in range(degree + 1))
-    one = np.ones(1, dtype=np.int64)
-    return np.array([functools.reduce(np.convolve, row, one) for row in factors])
 
 
 _NOTHING = 1e-15
@@ -486,37 +407,6 @@ class Equation(Memory):
         return f"({inner}/2)" if halves else inner
 
 
-def _whole(pairs: Sequence[tuple[Exact, Exact]]) -> tuple[tuple[str, str], ...]:
-    """Exact coefficients as text, times the number that makes them whole and as small as may be."""
-    if (plain := _integers(pairs)) is not None:
-        shared = math.gcd(*(x for pair in plain for x in pair)) or 1
-        return tuple((str(c // shared), str(s // shared)) for c, s in plain)
-    numbers = [part for pair in pairs for c in pair for part in parts_of(c)]
-    bottom = math.lcm(*(x.denominator for x in numbers))
-    scale = Fraction(bottom, math.gcd(*(int(x * bottom) for x in numbers)) or 1)
-    return tuple((exact_text(c * scale), exact_text(s * scale)) for c, s in pairs)
-
-
-def _rounded(pairs: Sequence[tuple[Exact, Exact]]) -> tuple[Array, Array]:
-    """Exact coefficients over the largest part of any, each rounded once."""
-    if (plain := _integers(pairs)) is not None:  # their quotients are rounded once, too
-        top = max(abs(x) for pair in plain for x in pair)
-        return np.array([c / top for c, _ in plain]), np.array([s / top for _, s in plain])
-    largest = max(abs(part) for pair in pairs for c in pair for part in parts_of(c))
-    cos, sin = (np.array([float(pair[i] / largest) for pair in pairs]) for i in (0, 1))
-    return cos, sin
-
-
-def _integers(pairs: Sequence[tuple[Exact, Exact]]) -> list[tuple[int, int]] | None:
-    """Coefficients that are all whole numbers, as such."""
-    plain = []
-    for c, s in pairs:
-        if isinstance(c, Surd) or isinstance(s, Surd) or c.denominator != 1 or s.denominator != 1:
-            return None
-        plain.append((c.numerator, s.numerator))
-    return plain
-
-
 def _negated(number: str) -> str:
     return exact_text(-exact_of(number))
 
@@ -534,7 +424,9 @@ def equation(poly: Poly, ring: Ring, joints: Sequence[str], offset: Array) -> Eq
     n = len(ring.prismatic)
     terms = fourier(poly, ring, [int(k) for k in quarters])
     pairs = list(terms.values())
-    cos, sin = _rounded(pairs)
+    parts = [p for pair in pairs for number in pair for p in parts_of(number) if p]
+    largest = max(map(abs, parts))
+    cos, sin = np.array([[float(number / largest) for number in pair] for pair in pairs]).T
     top = float(np.max(np.hypot(cos, sin)))
     draft = Equation(
         joints=tuple(joints),
@@ -544,9 +436,11 @@ def equation(poly: Poly, ring: Ring, joints: Sequence[str], offset: Array) -> Eq
         sin=sin / top,
         shift=shift,
     )
+    shared = Fraction(math.gcd(*(p.numerator for p in parts)))  # they are whole
     if draft.leading() < 0:
-        draft, pairs = draft.scaled(-1.0), [(-c, -s) for c, s in pairs]
-    return replace(draft, exact=_whole(pairs))
+        draft, shared = draft.scaled(-1.0), -shared
+    exact = tuple((exact_text(c / shared), exact_text(s / shared)) for c, s in pairs)
+    return replace(draft, exact=exact)
 
 
 def scale_to_lengths(equation: Equation, lengths: Sequence[float]) -> Equation:
