@@ -18,7 +18,7 @@ from flint import Ordering, fmpz_mpoly_ctx, fmpz_mpoly_vec
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.generic_points import Residues, SlicePoint, Slices, slice_points
-from pinsing.algebra.matrix import Matrix
+from pinsing.algebra.minors import Minors
 from pinsing.algebra.ring import Poly, Ring, Value, coefficients_by, terms_of, whole_terms
 from pinsing.algebra.zeros import SECOND_PRIME, WORD_PRIME, Undecided
 
@@ -219,9 +219,8 @@ class Question:
     """A system of equations at a place, whose points were judged."""
 
     relations: tuple[Poly, ...]  # the equations
-    values: Mapping[int, Value]  # joints at values, at which the matrix is
-    matrix: Matrix  # what becomes of the Jacobian there
-    rank: int  # singular means: rank below this
+    values: Mapping[int, Value]  # joints at values
+    minors: Minors  # of what becomes of the Jacobian there; singular means: all vanish
     count: int  # the codimension of the equations' common zeros
 
 
@@ -262,7 +261,7 @@ def ask_again(
             asked_at = q.relations, residues, rng, q.values, time.check, q.count
             for s in slice_points(*asked_at, slices=slices):
                 time.check()
-                singular = s.rank(q.matrix) < q.rank
+                singular = s.rank(q.minors.matrix) < q.minors.size
                 if singular != on_any(components, s):
                     what = "are singular on no family" if singular else "are regular on a family"
                     return replace(both, gaps=(f"{told} {what}",))

@@ -40,8 +40,8 @@ from pinsing.algebra.components import (
     inside,
 )
 from pinsing.algebra.generic_points import Residues, SlicePoint, Slices, slice_points
-from pinsing.algebra.matrix import Matrix, reduce_matrix
-from pinsing.algebra.minors import Minors, SquareCorner, corner, cost
+from pinsing.algebra.matrix import Matrix
+from pinsing.algebra.minors import Minors, corner, cost
 from pinsing.algebra.ring import Packed, Poly, Ring, Value
 from pinsing.algebra.zeros import WORD_PRIME, Undecided
 
@@ -51,12 +51,9 @@ class SearchPlace:
     """Where the search is: some joints at values."""
 
     values: Mapping[int, Value]  # these joints
-    matrix: Matrix  # what the matrix becomes there
-    rank: int  # singular means: rank below this
+    minors: Minors  # of what the matrix becomes there; singular means: all vanish
     limit: int  # largest codimension of what is looked for; the joints at values count
-    # whether all pivots of the matrix are used up, and its rows are independent
-    reduced: bool = False
-    # the place with the matrix that says what is singular, where ``matrix`` is a part of it
+    # the place with the matrix that says what is singular, where ``minors`` are of a part of it
     whole: SearchPlace | None = None
 
     @property
@@ -66,76 +63,32 @@ class SearchPlace:
 
     def singular(self, point: SlicePoint) -> bool:
         """Return True if a point is singular."""
-        return point.rank(self.judge.matrix) < self.judge.rank
+        return point.rank(self.judge.minors.matrix) < self.judge.minors.size
+
+    def at(self, new: Mapping[int, Value]) -> SearchPlace:
+        """The place with some more joints at values."""
+        whole = self.judge
+        return replace(whole, values={**whole.values, **new}, minors=whole.minors.at(new))
 
     def beside(self, matrix: Matrix, rank: int) -> SearchPlace:
         """The same place, looked at by a part of the matrix."""
-        return replace(self, matrix=matrix, rank=rank, reduced=False, whole=self.judge)
+        part = Minors(matrix, rank, self.minors.ring, self.minors.time)
+        return replace(self, minors=part, whole=self.judge)
 
-    def zeroed(self, relations: Sequence[Poly], ring: Ring) -> SearchPlace:
+    def zeroed(self, relations: Sequence[Poly]) -> SearchPlace:
         """Return the place with entries that are multiples of equations at zero: minors factor."""
-        matrix = [
-            [
-                ring.zero
-                if x != 0 and any(len(r) <= len(x) and ring.divides(r, x) for r in relations)
-                else x
-                for x in row
-            ]
-            for row in self.matrix
-        ]
-        return self if matrix == self.matrix else self.beside(matrix, self.rank)
+        ring, rows = self.minors.ring, self.minors.matrix
+
+        def is_multiple(x: Poly) -> bool:
+            return x != 0 and any(len(r) <= len(x) and ring.divides(r, x) for r in relations)
+
+        matrix = [[ring.zero if is_multiple(x) else x for x in row] for row in rows]
+        return self if matrix == rows else self.beside(matrix, self.minors.size)
 
     @property
     def room(self) -> int:
         """Number of further equations that are allowed."""
         return max(0, self.limit - len(self.values))
-
-
-def bound(matrix: Matrix, rank: int) -> int:
-    """Largest codimension of a component of where a matrix is below a rank (Eagon, Northcott)."""
-    return (len(matrix) - rank + 1) * (len(matrix[0]) - rank + 1)
-
-
-class PlaceMatrices:
-    """What was made of the matrices of one search; matrices are known by their ids, and kept."""
-
-    def __init__(self, ring: Ring, time: Budget) -> None:
-        self.ring, self.time = ring, time
-        self._made: dict[object, tuple[Matrix, Any]] = {}
-
-    def _once(self, matrix: Matrix, how: object, make: Callable[[], Any]) -> Any:
-        """What is made of a matrix in some way."""
-        key = id(matrix), how
-        if key not in self._made:
-            self._made[key] = matrix, make()
-        return self._made[key][1]
-
-    def at(self, place: SearchPlace, new: Mapping[int, Value]) -> SearchPlace:
-        """The place with some more joints at values."""
-        whole = place.judge
-        put = self.ring.putting(new)
-        matrix = self._once(
-            whole.matrix,
-            frozenset(new.items()),
-            lambda: [[put(x) for x in row] for row in whole.matrix],
-        )
-        return replace(whole, values={**whole.values, **new}, matrix=matrix, reduced=False)
-
-    def smaller(self, place: SearchPlace) -> tuple[Matrix, int]:
-        """A smaller matrix whose rank drops where that of a place does, and the rank meant."""
-        if place.reduced:
-            return place.matrix, place.rank
-        given = place.matrix, place.rank, self.ring, self.time
-        found: tuple[Matrix, int] = self._once(
-            place.matrix, ("smaller", place.rank), lambda: reduce_matrix(*given)
-        )
-        return found
-
-    def minors(self, place: SearchPlace) -> Minors:
-        """The minors of a place, which keep its matrix."""
-        given = place.matrix, place.rank, self.ring, self.time
-        found: Minors = self._once(place.matrix, ("minors", place.rank), lambda: Minors(*given))
-        return found
 
 
 def regular_parts(
@@ -209,7 +162,6 @@ class Search:
         self._slices: Slices = {}
         self._seen: set[object] = set()
         self._later: list[tuple[int, Callable[[], None]]] = []
-        self._places = PlaceMatrices(ring, time)
 
     def run(self, place: SearchPlace) -> None:
         """Find all components at a place."""
@@ -219,16 +171,13 @@ class Search:
             self.depth, run = self._later.pop(first)
             run()
 
-    def confirm(self, place: SearchPlace, rank: int) -> None:
+    def confirm(self, minors: Minors, rank: int) -> None:
         """Note it unless ``rank`` is the generic rank of the matrix before rows were used up."""
         # A nonzero minor shows that it is no less; zeros of all larger ones, that it is no more.
-        rows, reduced = place.matrix, place.rank
-        short = min(len(rows), len(rows[0])) if rows else 0
-        less = reduced > 0 and (
-            short < reduced or not any(True for _ in self._places.minors(place))
-        )
+        short, reduced = minors.short, minors.size
+        less = reduced > 0 and (short < reduced or not any(True for _ in minors))
         more = short > max(reduced, 0) and any(
-            True for _ in Minors(rows, max(reduced, 0) + 1, self.ring, self.time)
+            True for _ in Minors(minors.matrix, max(reduced, 0) + 1, self.ring, self.time)
         )
         if reduced < 0 or less or more:
             self.gaps.append(f"the generic rank is not {rank}, as points chosen at random said")
@@ -245,9 +194,9 @@ class Search:
         reduced = self._reduced(place)
         if reduced is None:
             return
-        if reduced.room == 0 and self._regular(reduced):  # nothing else of this codimension
+        if reduced.room == 0 and self._regular(reduced.minors):  # nothing else of this codimension
             return
-        minors = self._places.minors(reduced)
+        minors = reduced.minors
         common = self._common_factor(minors)
         if common is None:
             self._found.add(values, (), True)
@@ -261,26 +210,20 @@ class Search:
             self._found.add({**values, **at}, () if at else (f,), True)
         if reduced.room < 2:
             return
-        found = corner(reduced.matrix, self.ring, self.time)
+        found = corner(minors.matrix, self.ring, self.time)
         if found is None or found.determinant == 0:
-            self._branches(minors.simplest_cofactor(common), shared, reduced, minors)
+            self._branches(minors.simplest_cofactor(common), shared, reduced)
             return
         # Where the determinant of the corner is not zero, what is left has to drop its rank.
-        self._rest(found, reduced)
-        self._branches(self.ring.factors(found.determinant, self.time), shared, reduced, minors)
-
-    def _rest(self, found: SquareCorner, place: SearchPlace) -> None:
-        """Components on which the rank of what is left beside a corner drops."""
-        rest = self._reduced(place.beside(found.rest, place.rank - len(found.rows)))
-        if rest is None:
-            return
-        minors = self._places.minors(rest)
-        common = self._common_factor(minors)
-        if common is not None and rest.room >= 2:
-            self._branches(minors.simplest_cofactor(common), (), rest, minors)
+        rest = self._reduced(reduced.beside(found.rest, minors.size - len(found.rows)))
+        if rest is not None:
+            common = self._common_factor(rest.minors)
+            if common is not None and rest.room >= 2:
+                self._branches(rest.minors.simplest_cofactor(common), (), rest)
+        self._branches(self.ring.factors(found.determinant, self.time), shared, reduced)
 
     def _branches(
-        self, factors: Sequence[Poly], shared: Sequence[Poly], place: SearchPlace, minors: Minors
+        self, factors: Sequence[Poly], shared: Sequence[Poly], place: SearchPlace
     ) -> None:
         """Go on inside each of some factors, but for those that are components themselves."""
         for f in factors:
@@ -288,19 +231,19 @@ class Search:
                 continue
             fixed = self.ring.joint_value(f)
             if fixed is not None:
-                self._search(self._places.at(place, dict([fixed])))
+                self._search(place.at(dict([fixed])))
             else:
-                self._relation(f, place, minors)
+                self._relation(f, place)
 
-    def _relation(self, p: Poly, place: SearchPlace, minors: Minors) -> None:
+    def _relation(self, p: Poly, place: SearchPlace) -> None:
         """Components inside p = 0."""
-        key = (frozenset(place.values.items()), str(p), place.rank)
+        key = (frozenset(place.values.items()), str(p), place.minors.size)
         if key in self._seen or self._found.covers(place.values, (p,)):
             return
         self._seen.add(key)
-        place, minors = self._zeroed((p,), place, minors)
+        place = place.zeroed((p,))
         others = []
-        proper = (minor for minor in minors if not self.ring.divides(p, minor))
+        proper = (minor for minor in place.minors if not self.ring.divides(p, minor))
         for minor in itertools.islice(proper, 6):
             if not (factors := self.ring.factors(minor, self.time)):
                 return
@@ -311,21 +254,19 @@ class Search:
         if place.room < 2:
             return
         for g in min(others, key=cost):
-            self._and((p,), g, place, minors, 1)
+            self._and((p,), g, place, 1)
 
-    def _and(
-        self, relations: Relations, g: Poly, place: SearchPlace, minors: Minors, count: int
-    ) -> None:
+    def _and(self, relations: Relations, g: Poly, place: SearchPlace, count: int) -> None:
         """Components inside some equations of codimension ``count``, and one more."""
         fixed = self.ring.joint_value(g)
         if fixed is not None:
-            self._within(relations, self._places.at(place, dict([fixed])), dict([fixed]))
+            self._within(relations, place, dict([fixed]))
         else:
-            self._system((*relations, g), place, minors, count + 1)
+            self._system((*relations, g), place, count + 1)
 
     def _within(self, relations: Relations, place: SearchPlace, new: Mapping[int, Value]) -> None:
-        """Go on at a place with all factors of what equations become at its ``new`` values."""
-        put = self.ring.putting(new)
+        """Go on at ``new`` values with all factors of what equations become there."""
+        place, put = place.at(new), self.ring.putting(new)
         became = [self.ring.strip(put(p)) for p in relations]
         factors = [self.ring.factors(p, self.time) for p in became if p != 0]
         for combination in itertools.product(*factors):
@@ -333,17 +274,15 @@ class Search:
             fixed = next(((h, f) for h in distinct if (f := self.ring.joint_value(h))), None)
             if fixed is not None:
                 left = tuple(h for h in distinct if h is not fixed[0])
-                at = dict([fixed[1]])
-                self._within(left, self._places.at(place, at), at)
+                self._within(left, place, dict([fixed[1]]))
             elif not distinct:
                 self._search(place)
             elif (reduced := self._reduced(place)) is not None:
-                minors = self._places.minors(reduced)
                 independent = self._independent(distinct, place.values)
                 if len(independent) == 1:
-                    self._relation(independent[0], reduced, minors)
+                    self._relation(independent[0], reduced)
                 else:
-                    self._system(independent, reduced, minors, len(independent))
+                    self._system(independent, reduced, len(independent))
 
     def _independent(self, relations: Relations, values: Mapping[int, Value]) -> Relations:
         """Return some relations, of which each cuts the common zeros of those before it."""
@@ -360,25 +299,23 @@ class Search:
                 kept.append(g)
         return tuple(kept)
 
-    def _system(self, relations: Relations, place: SearchPlace, minors: Minors, count: int) -> None:
+    def _system(self, relations: Relations, place: SearchPlace, count: int) -> None:
         """Find components inside common zeros of codimension ``count``, of two equations or more.
 
         Those that are such common zeros themselves are stated by as few joints as can be found.
         Where none is, one more minor cuts the rest down by one dimension.
         """
-        key = (frozenset(place.values.items()), frozenset(map(str, relations)), place.rank)
+        key = (frozenset(place.values.items()), frozenset(map(str, relations)), place.minors.size)
         if key in self._seen or place.room < count:
             return
         self._seen.add(key)
         if count > 2:  # what is larger, and found at less cost, first
-            run = functools.partial(self._common_zeros, relations, place, minors, count)
+            run = functools.partial(self._common_zeros, relations, place, count)
             self._later.append((count, run))
         else:
-            self._common_zeros(relations, place, minors, count)
+            self._common_zeros(relations, place, count)
 
-    def _common_zeros(
-        self, relations: Relations, place: SearchPlace, minors: Minors, count: int
-    ) -> None:
+    def _common_zeros(self, relations: Relations, place: SearchPlace, count: int) -> None:
         """See ``_system``."""
         self.time.check()
         try:
@@ -386,25 +323,26 @@ class Search:
         except Undecided:
             self.gaps.append(f"the common points of {len(relations)} equations were not told apart")
             return
-        codimension = len(place.values) + count
-        singular = [s for s in points if s.rank(place.matrix) < place.rank]
-        judge = place.judge
-        self.asked.append(Question(relations, place.values, judge.matrix, judge.rank, count))
+        minors = place.minors
+        singular = [s for s in points if s.rank(minors.matrix) < minors.size]
+        self.asked.append(Question(relations, place.values, place.judge.minors, count))
         if singular:
             if len(relations) == 2:
                 self._eliminate(*relations, place, singular)
             missed = [s for s in singular if not self._found.holds(s)]
             if missed:
                 known = [s for s in points if s not in missed]
-                state = functools.partial(self._statement, relations, minors=minors)
+                state = functools.partial(self._statement, relations, minors)
+                stated = relations
+                if known:
+                    stated = self._shortened(state(missed, known), count, place)
+                codimension = len(place.values) + count
                 backing = Backing(missed, known, state)
-                stated = self._shortened(state(missed, known), count, place) if known else relations
                 self._found.add(place.values, stated, False, codimension, backing)
         # What is singular beside the part of the matrix that is looked at is searched by itself.
         regular = [s for s in points if s not in singular and not place.singular(s)]
         if regular and place.room > count:
-            others = [s for s in points if s not in regular]
-            self._cut(relations, others, regular, place, minors, count)
+            self._cut(relations, [s for s in points if s not in regular], regular, place, count)
 
     def _cut(
         self,
@@ -412,7 +350,6 @@ class Search:
         singular: list[SlicePoint],
         regular: list[SlicePoint],
         place: SearchPlace,
-        minors: Minors,
         count: int,
     ) -> None:
         """Go on inside what is regular of some equations, cut by one minor more."""
@@ -427,20 +364,19 @@ class Search:
         for stated, on in parts:
             fixed = next((v for f in stated if (v := self.ring.joint_value(f))), None)
             if fixed is not None:  # all of it is searched there
-                self._search(self._places.at(place, dict([fixed])))
+                self._search(place.at(dict([fixed])))
                 continue
-            ways = [(place, minors)]
-            if (zeroed := self._zeroed(stated, place, minors))[1] is not minors:
-                ways.append(zeroed)
-            cuts = [(c, *way) for way in ways if (c := way[1].cutting(on)) is not None]
+            zeroed = place.zeroed(stated)
+            ways = [place] if zeroed is place else [place, zeroed]
+            cuts = [(c, way) for way in ways if (c := way.minors.cutting(on)) is not None]
             if not cuts:
                 self.gaps.append(
                     f"no single minor cut all of the common zeros of {len(relations)} equations"
                 )
                 continue
-            cutting, there, its = min(cuts, key=lambda c: minors.effort(c[0]))
+            cutting, there = min(cuts, key=lambda c: place.minors.effort(c[0]))
             for g in cutting:
-                self._and(stated, g, there, its, count)
+                self._and(stated, g, there, count)
 
     def _eliminate(self, p: Poly, g: Poly, place: SearchPlace, singular: list[SlicePoint]) -> None:
         """Look for components of p = g = 0 by the factors of a resultant, free of one joint."""
@@ -452,12 +388,10 @@ class Search:
         for h in self.ring.factors(resultant, self.time):
             fixed = self.ring.joint_value(h)
             if fixed is not None:
-                at = dict([fixed])
-                put = self.ring.putting(at)
+                put = self.ring.putting(dict([fixed]))
                 common = self.ring.gcd(put(p), put(g))
-                there = self._places.at(place, at)
                 for e in self.ring.factors(self.ring.strip(common), self.time):
-                    self._within((e,), there, {})
+                    self._within((e,), place, dict([fixed]))
             elif len(h) <= len(p) + len(g) and any(s.is_zero(h) for s in singular):
                 for other in sorted((p, g), key=len):
                     points = self._all_singular((h, other), place)
@@ -475,10 +409,10 @@ class Search:
             points.append(s)
         return points
 
-    def _regular(self, place: SearchPlace) -> bool:
+    def _regular(self, minors: Minors) -> bool:
         """Return True if some configuration of a place is regular, shown by one modulo a prime."""
         return any(
-            self._residues.generic_rank(place.matrix, self._rng) >= place.rank for _ in range(2)
+            self._residues.generic_rank(minors.matrix, self._rng) >= minors.size for _ in range(2)
         )
 
     def _points(
@@ -521,9 +455,9 @@ class Search:
     def _statement(
         self,
         relations: Relations,
+        minors: Minors,
         singular: list[SlicePoint],
         others: list[SlicePoint],
-        minors: Minors,
     ) -> tuple[Poly, ...]:
         """Return equations of the singular part of the common zeros of some equations.
 
@@ -560,21 +494,14 @@ class Search:
 
     def _reduced(self, place: SearchPlace) -> SearchPlace | None:
         """The place with a smaller matrix, unless all of it is singular (noted), or none."""
-        matrix, rank = self._places.smaller(place)
-        if rank <= 0:
+        small = place.minors.smaller
+        if small.size <= 0:
             return None
-        if not matrix or min(len(matrix), len(matrix[0])) < rank:
+        if small.short < small.size:
             self._found.add(place.values, (), True)
             return None
-        limit = min(place.limit, len(place.values) + bound(matrix, rank))
-        return replace(place, matrix=matrix, rank=rank, limit=limit, reduced=True)
-
-    def _zeroed(
-        self, relations: Relations, place: SearchPlace, minors: Minors
-    ) -> tuple[SearchPlace, Minors]:
-        """The place with multiples of the relations at zero: minors are shorter so."""
-        there = place.zeroed(relations, self.ring)
-        return (place, minors) if there is place else (there, self._places.minors(there))
+        limit = min(place.limit, len(place.values) + small.bound)
+        return replace(place, minors=small, limit=limit)
 
 
 _TO_ASK = 0.1
@@ -639,15 +566,13 @@ class Decomposition:
         try:
             given = matrix() if callable(matrix) else matrix
             # That it is the generic rank is confirmed below.
-            rows, reduced = reduce_matrix(given, rank, self.ring, self.time, generic=True)
-            self.bound = bound(rows, reduced) if reduced > 0 and rows else 1
-            inside = self._within
-            if inside is None:
-                everywhere = SearchPlace({}, rows, reduced, self.bound, reduced=True)
-                search.confirm(everywhere, rank)
-                search.run(everywhere)
+            minors = Minors.reduced(given, rank, self.ring, self.time, generic=True)
+            self.bound = minors.bound if minors.size > 0 and minors.matrix else 1
+            if self._within is None:
+                search.confirm(minors, rank)
+                search.run(SearchPlace({}, minors, self.bound))
             else:
-                search.run(SearchPlace(inside.values, rows, reduced, inside.limit, reduced=True))
+                search.run(SearchPlace(self._within.values, minors, self._within.limit))
         except BudgetExceeded as reason:
             self.stopped = True
             self.gaps.append(

@@ -154,7 +154,7 @@ def fourier(poly: Poly, ring: Ring, quarters: Sequence[int]) -> dict[Key, tuple[
         if not ring.prismatic[j]:
             images[first], images[first + 1] = gens[first] + 1, gens[first] - 1
             seconds.append(first + 1)
-            degree[j] = some[first] + some[first + 1]
+            degree[j] = int(some[first] + some[first + 1])
     halves: tuple[dict[Any, int], dict[Any, int]] = {}, {}  # what is real, and what is times i
     for m, c in terms.items():
         turns = sum([m[v] for v in seconds]) % 4
@@ -162,7 +162,9 @@ def fourier(poly: Poly, ring: Ring, quarters: Sequence[int]) -> dict[Key, tuple[
     joints = list(zip(ring.start, ring.prismatic, degree, strict=True))
     gathered: dict[Key, list[list[int]]] = defaultdict(lambda: [[0] * 4, [0] * 4])
     for imaginary, half in enumerate(halves):
-        for m, c in terms_of(context.from_dict(half).compose(*images, ctx=context)).items():
+        made = context.from_dict(half).compose(*images, ctx=context)
+        for exponents, c in terms_of(made).items():
+            m = list(map(int, exponents))
             frequency = tuple([0 if slides else 2 * m[v] - d for v, slides, d in joints])
             lead = next((f for f in frequency if f), 0)
             if lead < 0:  # it is real: w^-k has the conjugate coefficient

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.generic_points import SlicePoint
@@ -113,20 +114,60 @@ _LOOKED_AT = 12
 
 
 class Minors:
-    """Minors of one size of a matrix, computed as they are asked for, the simplest first."""
+    """A matrix, and its minors of one size, computed as they are asked for, the simplest first.
+
+    Where all of them vanish its rank is below their size. What is made of it is made once.
+    """
 
     def __init__(self, matrix: Matrix, size: int, ring: Ring, time: Budget) -> None:
         self.matrix, self.size, self.ring, self.time = matrix, size, ring, time
-        length = [[len(x) for x in row] for row in matrix]
-        choices = [
-            (rows, columns)
-            for rows in itertools.combinations(range(len(matrix)), size)
-            for columns in itertools.combinations(range(len(matrix[0])), size)
-        ]
-        terms = {c: sum(length[i][j] for i in c[0] for j in c[1]) for c in choices}
-        self._left = sorted(choices, key=lambda c: terms[c])
         self._done: list[Poly] = []
+        self._put: dict[object, Minors] = {}
         self._expansion = RowExpansion(matrix, ring, time)
+
+    @classmethod
+    def reduced(
+        cls, matrix: Matrix, size: int, ring: Ring, time: Budget, generic: bool = False
+    ) -> Minors:
+        """Those of what `reduce_matrix` makes of a matrix: none smaller is to be had."""
+        found = cls(*reduce_matrix(matrix, size, ring, time, generic), ring, time)
+        found.smaller = found
+        return found
+
+    @cached_property
+    def smaller(self) -> Minors:
+        """Those of a smaller matrix whose rank drops in the same places."""
+        return Minors.reduced(self.matrix, self.size, self.ring, self.time)
+
+    def at(self, values: Mapping[int, Value]) -> Minors:
+        """Those of the matrix with some joints at values."""
+        key = frozenset(values.items())
+        if key not in self._put:
+            put = self.ring.putting(values)
+            rows = [[put(x) for x in row] for row in self.matrix]
+            self._put[key] = Minors(rows, self.size, self.ring, self.time)
+        return self._put[key]
+
+    @property
+    def short(self) -> int:
+        """The largest rank that the matrix may have: the lesser of its numbers of rows, columns."""
+        return min(len(self.matrix), len(self.matrix[0])) if self.matrix else 0
+
+    @property
+    def bound(self) -> int:
+        """Largest codimension of a component of where all vanish (Eagon, Northcott)."""
+        return (len(self.matrix) - self.size + 1) * (len(self.matrix[0]) - self.size + 1)
+
+    @cached_property
+    def _left(self) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
+        """Rows and columns of those that were not computed, the shortest first."""
+        length = [[len(x) for x in row] for row in self.matrix]
+        sides = len(self.matrix), len(self.matrix[0])
+        rows, columns = (itertools.combinations(range(k), self.size) for k in sides)
+        return sorted(
+            itertools.product(rows, columns),
+            key=lambda c: sum(length[i][j] for i in c[0] for j in c[1]),
+        )
 
     def __iter__(self) -> Iterator[Poly]:
         """All minors that are not identically zero."""
@@ -137,14 +178,10 @@ class Minors:
                 i += 1
             if not self._left:
                 return
-            self._compute()
-
-    def _compute(self) -> None:
-        rows, columns = self._left[0]
-        minor = self._expansion.minor(rows, columns)
-        self._left.pop(0)
-        if minor != 0:
-            self._done.append(self.ring.strip(minor))
+            minor = self._expansion.minor(*self._left[0])
+            del self._left[0]
+            if minor != 0:
+                self._done.append(self.ring.strip(minor))
 
     def simplest_cofactor(self, common: Poly) -> list[Poly]:
         """Factors of the minor, over the common factor, that branches into the least work."""
@@ -186,10 +223,16 @@ class NearMinors:
 
     def __init__(self, geometry: Nominal, ring: Ring, task: Task, rank: int, time: Budget) -> None:
         self.geometry, self.ring, self.task, self.rank, self.time = geometry, ring, task, rank, time
-        self._whole: Matrix | None = None
         self._screws: dict[tuple[int, ...], Matrix] = {}
-        self._driven: tuple[Drive, ...] | None = None
         self._known: dict[object, Poly] = {}
+
+    @cached_property
+    def _whole(self) -> Matrix:
+        return jacobian_matrix(self.geometry, self.ring, self.task, self.time)
+
+    @cached_property
+    def _driven(self) -> tuple[Drive, ...]:
+        return drives(self.geometry)[0]
 
     def minor(self, joints: Sequence[int], values: Mapping[int, Value]) -> Poly:
         """Return the minor of columns ``joints``, without units; NotSquare if there are several."""
@@ -204,8 +247,6 @@ class NearMinors:
     def _matters(self, j: int, joints: Sequence[int]) -> bool:
         if self.task.name != "pose":
             return True
-        if self._driven is None:
-            self._driven = drives(self.geometry)[0]
         rows = [row for a in joints for row in driven_by(self._driven, a)]
         return any(d.leader == j for d in self._driven[min(rows) + 1 : max(rows)])
 
@@ -217,16 +258,12 @@ class NearMinors:
                 self._screws[chosen] = neighbouring_screws(self.geometry, ring, joints, self.time)
             matrix = self._screws[chosen]
         else:
-            if self._whole is None:
-                self._whole = jacobian_matrix(self.geometry, ring, self.task, self.time)
             matrix = [[row[j] for j in joints] for row in self._whole]
-        put = ring.putting(values)
-        matrix = [[put(x) for x in row] for row in matrix]
-        rows, rank = reduce_matrix(matrix, self.rank, ring, self.time)
-        if rank == 0:
+        small = Minors(matrix, self.rank, ring, self.time).at(values).smaller
+        if small.size == 0:
             return ring.one
-        if min(len(rows), len(rows[0]) if rows else 0) < rank:
+        if small.short < small.size:
             return ring.zero
-        if len(rows) > rank:
+        if len(small.matrix) > small.size:
             raise NotSquare
-        return ring.strip(determinant(rows, ring, self.time))
+        return ring.strip(determinant(small.matrix, ring, self.time))
