@@ -57,10 +57,9 @@ class FoundComponents:
 
     def __init__(self, ring: Ring, tell: Callable[[Component], None]) -> None:
         self.ring, self._tell = ring, tell
-        self._components: list[Component] = []
-        self._backing: dict[int, Backing] = {}
+        self._found: list[tuple[Component, Backing]] = []
         self._passed: list[Component] = []
-        self._held: list[tuple[SlicePoint, int]] = []
+        self._held: list[tuple[SlicePoint, Component]] = []
 
     def add(
         self,
@@ -74,21 +73,20 @@ class FoundComponents:
         if codimension is None:
             codimension = len(values) + len(relations)
         ordered = tuple(sorted(relations, key=len))
-        if backing is not None:
-            self._backing[len(self._components)] = backing
-        self._components.append(Component(dict(values), ordered, proven, codimension))
-        self._tell(self._components[-1])
+        found = Component(dict(values), ordered, proven, codimension)
+        self._found.append((found, backing or Backing([], [])))
+        self._tell(found)
 
     @property
     def all(self) -> list[Component]:
         """All so far, the redundant ones too."""
-        return list(self._components)
+        return [c for c, _ in self._found]
 
     def covers(self, values: Mapping[int, Value], relations: tuple[Poly, ...] = ()) -> bool:
         """Return True if a set is part of a component, as far as substitution and division tell."""
         # If it is, it is passed over, and remembered.
         here = Component(dict(values), relations, True, len(values) + len(relations))
-        for c in self._components:
+        for c in self.all:
             if inside(here, c, self.ring):
                 if c != here:
                     self._passed.append(replace(here, proven=c.proven))
@@ -97,9 +95,9 @@ class FoundComponents:
 
     def holds(self, point: SlicePoint) -> bool:
         """Return True if a singular point lies on a component, and need not be looked at."""
-        for i, c in enumerate(self._components):
+        for c in self.all:
             if on_any([c], point):
-                self._held.append((point, i))
+                self._held.append((point, c))
                 return True
         return False
 
@@ -107,17 +105,11 @@ class FoundComponents:
         """Return components that lie in no other one, by division or by all of their points."""
         # A system that shares some points is stated again by the rest of them. Only what is kept in
         # the end justifies that another one is dropped.
-        order = sorted(
-            range(len(self._components)),
-            key=lambda i: (self._components[i].codimension, len(self._components[i].relations)),
-        )
         kept: list[tuple[Component, list[SlicePoint]]] = []
-        for i in order:
-            c = self._components[i]
+        for c, backing in sorted(self._found, key=lambda f: by_size(f[0])):
             earlier = [k for k, _ in kept]
             if any(inside(c, k, self.ring) for k in earlier):
                 continue
-            backing = self._backing.get(i, Backing([], []))
             held = [s for s in backing.points if on_any(earlier, s)]
             own = [s for s in backing.points if s not in held]
             if own or not backing.points:
@@ -164,14 +156,18 @@ class FoundComponents:
         def lies_in_one(c: Component) -> bool:
             return any(inside(c, k, self.ring) for k in kept)
 
-        for i, c in enumerate(self._components):
-            backing = self._backing.get(i)
-            known = lies_in_one(c) or (backing and all(on_any(kept, s) for s in backing.points))
-            if not known:
+        for c, backing in self._found:
+            held = backing.points and all(on_any(kept, s) for s in backing.points)
+            if not held and not lies_in_one(c):
                 return c
         passed = (c for c in self._passed if not lies_in_one(c))
-        held = (self._components[i] for s, i in self._held if not on_any(kept, s))
-        return next(itertools.chain(passed, held), None)
+        left = (c for s, c in self._held if not on_any(kept, s))
+        return next(itertools.chain(passed, left), None)
+
+
+def by_size(c: Component) -> tuple[int, int]:
+    """What is larger comes first, and of that what is said in fewer equations."""
+    return c.codimension, len(c.relations)
 
 
 def inside(a: Component, b: Component, ring: Ring) -> bool:

@@ -37,6 +37,7 @@ from pinsing.algebra.components import (
     Question,
     RandomSteps,
     ask_again,
+    by_size,
     inside,
 )
 from pinsing.algebra.generic_points import Residues, SlicePoint, Slices, slice_points
@@ -598,7 +599,7 @@ class Decomposition:
         """Return the components that a stopped search has reported."""
         # Points that found some are gone with the child: only division shows which lie in others.
         found = self._found.all + [_unpacked(t, self.ring) for t in told]
-        for c in sorted(found, key=lambda c: (c.codimension, len(c.relations))):
+        for c in sorted(found, key=by_size):
             if not any(inside(c, k, self.ring) for k in self.components):
                 self.components.append(c)
         self.stopped = True

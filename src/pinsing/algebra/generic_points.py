@@ -16,16 +16,15 @@ import numpy as np
 from flint import nmod_mat
 
 from pinsing.algebra.matrix import Matrix
-from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value
+from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value, terms_of
 from pinsing.algebra.zeros import (
     WORD_PRIME,
     Undecided,
     Zero,
-    image_of,
+    image,
     modular_context,
     rank_over,
     residue,
-    residues_of,
     zeros,
 )
 
@@ -38,23 +37,19 @@ class Residues:
 
     def __init__(self, ring: Ring, prime: int = WORD_PRIME) -> None:
         self.ring, self.prime = ring, prime
-        self._exponents, self._images, self._terms = (MadeOnce() for _ in range(3))
-
-    def _listed(self, poly: Poly) -> dict[Any, int]:
-        """Exponents, and coefficients modulo the prime, some perhaps zero."""
-        return self._exponents.of(poly, lambda p: residues_of(p, self.ring, self.prime))  # type: ignore[no-any-return]
+        self._images, self._terms = MadeOnce(), MadeOnce()
 
     def of(self, poly: Poly) -> Any:
         """The image of a polynomial."""
-        return self._images.of(poly, lambda p: image_of(self._listed(p), self.ring, self.prime))
+        return self._images.of(poly, lambda p: image(p, self.ring, self.prime))
 
     def terms(self, poly: Poly) -> list[tuple[Powers, int]]:
-        """Its terms, without making a polynomial of them."""
+        """Its terms, which some points are put into."""
         return self._terms.of(poly, self._powers)  # type: ignore[no-any-return]
 
     def _powers(self, poly: Poly) -> list[tuple[Powers, int]]:
-        listed = self._listed(poly).items()
-        return [(tuple([(v, e) for v, e in enumerate(m) if e]), c) for m, c in listed if c]
+        terms = terms_of(self.of(poly)).items()
+        return [(tuple([(v, int(e)) for v, e in enumerate(m) if e]), int(c)) for m, c in terms]
 
     def generic_rank(self, matrix: Matrix, rng: np.random.Generator) -> int:
         """Rank of a matrix at a random point: never more than the generic one, over any field."""
@@ -75,9 +70,9 @@ class SlicePoint:
     """One common zero on a slice (and all its conjugates)."""
 
     residues: Residues  # images of polynomials
-    fixed: Mapping[str, int]  # variables at random values
+    fixed: Mapping[int, int]  # variables at random values, by index
     field: Any  # the finite field of the coordinates
-    free: Mapping[int, Any]  # the variables that were solved for, by index
+    free: Mapping[int, Any]  # the variables that were solved for
     # polynomials with those values in them: by id, with their terms. Shared by its points
     on_slice: MadeOnce = field(default_factory=MadeOnce)
     # those that were asked for, with their values: the entries of a matrix share most of them
@@ -90,7 +85,7 @@ class SlicePoint:
             return total
         if self.field.degree() == 1:
             return self.field(self.residue(poly))
-        for monomial, c in self._terms(poly):
+        for monomial, c in self.on_slice.of(poly, self._on_slice):
             total = total + self._monomial(monomial) * c
         return total
 
@@ -114,12 +109,9 @@ class SlicePoint:
                 self.monomials[monomial] = before * self._monomial(monomial[-1:])
         return self.monomials[monomial]
 
-    def _terms(self, poly: Poly) -> list[tuple[Powers, int]]:
-        """Powers (variable, exponent) and coefficient of each term in the free variables."""
-        return self.on_slice.of(poly, self._on_slice)  # type: ignore[no-any-return]
-
     def _on_slice(self, poly: Poly) -> list[tuple[Powers, int]]:
-        prime, known = self.residues.prime, self._known
+        """Powers (variable, exponent) and coefficient of each term in the free variables."""
+        prime = self.residues.prime
         gathered: dict[Powers, int] = {}
         for powers, c in self.residues.terms(poly):
             left = []
@@ -127,16 +119,10 @@ class SlicePoint:
                 if v in self.free:
                     left.append((v, e))
                 else:
-                    c = c * known[v] ** e % prime
+                    c = c * self.fixed[v] ** e % prime
             key = tuple(left)
             gathered[key] = gathered.get(key, 0) + c
         return [(key, c % prime) for key, c in gathered.items()]
-
-    @cached_property
-    def _known(self) -> dict[int, int]:
-        """The variables at random values, by index."""
-        names = self.residues.ring.context.names()
-        return {v: self.fixed[name] for v, name in enumerate(names) if name in self.fixed}
 
     def is_zero(self, poly: Poly) -> bool:
         """Return True if a polynomial vanishes there."""
@@ -166,7 +152,7 @@ class SlicePoint:
     def _at(self, variable: int) -> Any:
         if variable in self.free:
             return self.free[variable]
-        return self.field(self.fixed[self.residues.ring.context.names()[variable]])
+        return self.field(self.fixed[variable])
 
 
 def random_residue(rng: np.random.Generator, prime: int) -> int:
@@ -180,32 +166,44 @@ Slices = dict[object, "RandomSlice"]
 """Random slices that several systems of equations are met on."""
 
 
-@dataclass(frozen=True, eq=False)
 class RandomSlice:
-    """Some joints free, the others at random values.
+    """Some joints free, others at values that they have, or at random ones.
 
     Free joints' circles are turned by random angles: no zero is at the infinity of its tangent.
     """
 
-    residues: Residues  # images of polynomials
-    chosen: tuple[int, ...]  # the free joints
-    fixed: Mapping[str, int]  # variables of the others, at random values or those that they are at
-    images: Sequence[Any]  # all variables of the ring on the slice
-    context: Any  # the slice's ring
-    turns: Sequence[tuple[int, int]]  # random angles
-    # polynomials on the slice, by id; they are kept, so that their ids stay their own
-    known: MadeOnce = field(default_factory=MadeOnce)
-    terms: MadeOnce = field(default_factory=MadeOnce)  # see SlicePoint
+    def __init__(
+        self,
+        chosen: tuple[int, ...],
+        residues: Residues,
+        rng: np.random.Generator,
+        values: Mapping[int, Value],
+    ) -> None:
+        self.residues, self.chosen, prime = residues, chosen, residues.prime
+        self.context = modular_context(tuple(f"t{i}" for i in range(len(chosen))), prime)
+        self._turns = [(random_residue(rng, prime), random_residue(rng, prime)) for _ in chosen]
+        self._fixed: dict[int, int] = {}  # variables of the other joints
+        self._images: list[Any] = []  # all variables of the ring on the slice
+        self._known, self._terms = MadeOnce(), MadeOnce()
+        for j in range(len(residues.ring.prismatic)):
+            if j in chosen:
+                i = chosen.index(j)
+                self._images += self.coordinates(i, self.context.gens()[i])
+                continue
+            known = values.get(j)
+            for k, v in enumerate(residues.ring.variables(j)):
+                self._fixed[v] = residue(known[k], prime) if known else random_residue(rng, prime)
+                self._images.append(self.context.constant(self._fixed[v]))
 
     def of(self, poly: Poly) -> Any:
         """A polynomial on the slice."""
-        return self.known.of(
-            poly, lambda p: self.residues.of(p).compose(*self.images, ctx=self.context)
+        return self._known.of(
+            poly, lambda p: self.residues.of(p).compose(*self._images, ctx=self.context)
         )
 
     def coordinates(self, i: int, t: Any) -> list[Any]:
         """Variables of the i-th free joint where its variable on the slice is t."""
-        a, b = self.turns[i]
+        a, b = self._turns[i]
         return [t] if self.residues.ring.prismatic[self.chosen[i]] else [a - b * t, b + a * t]
 
     @cached_property
@@ -226,33 +224,7 @@ class RandomSlice:
                 self.residues.ring.variables(j), self.coordinates(i, zero.at[i]), strict=True
             )
         }
-        return SlicePoint(self.residues, self.fixed, zero.field, solved, self.terms)
-
-
-def random_slice(
-    chosen: tuple[int, ...],
-    residues: Residues,
-    rng: np.random.Generator,
-    values: Mapping[int, Value],
-) -> RandomSlice:
-    """A slice with the chosen joints free, and joints that have a value there at it."""
-    ring, prime = residues.ring, residues.prime
-    names = ring.context.names()
-    context = modular_context(tuple(f"t{i}" for i in range(len(chosen))), prime)
-    turns = [(random_residue(rng, prime), random_residue(rng, prime)) for _ in chosen]
-    fixed: dict[str, int] = {}
-    images: list[Any] = []
-    made = RandomSlice(residues, chosen, fixed, images, context, turns)
-    for j in range(len(ring.prismatic)):
-        if j in chosen:
-            i = chosen.index(j)
-            images += made.coordinates(i, context.gens()[i])
-            continue
-        known = values.get(j)
-        for k, v in enumerate(ring.variables(j)):
-            fixed[names[v]] = residue(known[k], prime) if known else random_residue(rng, prime)
-            images.append(context.constant(fixed[names[v]]))
-    return made
+        return SlicePoint(self.residues, self._fixed, zero.field, solved, self._terms)
 
 
 def slice_points(
@@ -282,7 +254,7 @@ def slice_points(
         for attempt in range(_ATTEMPTS if patient else 1):
             slice_ = None if slices is None or attempt else slices.get(key)
             if slice_ is None:
-                slice_ = random_slice(chosen, residues, rng, values)
+                slice_ = RandomSlice(chosen, residues, rng, values)
                 if slices is not None:
                     slices[key] = slice_
             on_slice = [slice_.of(f) for f in polys]

@@ -13,7 +13,7 @@ import functools
 import itertools
 import operator
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field as dataclass_field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -39,28 +39,15 @@ __all__ = [
     "SECOND_PRIME",
     "WORD_PRIME",
     "image",
-    "image_of",
     "modular_context",
     "rank_over",
     "residue",
-    "residues_of",
     "root_modulo",
 ]
 
 
 def image(poly: Poly, ring: Ring, prime: int) -> Any:
     """A polynomial modulo a prime, in the joints' variables."""
-    return image_of(residues_of(poly, ring, prime), ring, prime)
-
-
-def image_of(terms: Mapping[Any, int], ring: Ring, prime: int) -> Any:
-    """The polynomial of what ``residues_of`` gave."""
-    names = tuple(ring.context.names()[: ring.nvars])
-    return modular_context(names, prime).from_dict({m: c for m, c in terms.items() if c})
-
-
-def residues_of(poly: Poly, ring: Ring, prime: int) -> dict[Any, int]:
-    """Exponents of the joints' variables, and coefficients modulo a prime, some perhaps zero."""
     if ring.rational:
         inverse: dict[Any, int] = {}
         terms = {}
@@ -68,8 +55,10 @@ def residues_of(poly: Poly, ring: Ring, prime: int) -> dict[Any, int]:
             if c.q not in inverse:
                 inverse[c.q] = pow(int(c.q), -1, prime)
             terms[m] = int(c.p) * inverse[c.q] % prime
-        return terms
-    return {m: residue(c, prime) for m, c in ring.terms(poly).items()}
+    else:
+        terms = {m: residue(c, prime) for m, c in ring.terms(poly).items()}
+    names = tuple(ring.context.names()[: ring.nvars])
+    return modular_context(names, prime).from_dict({m: c for m, c in terms.items() if c})
 
 
 @functools.cache
@@ -146,7 +135,6 @@ class _Solver:
     prime: int
     orders: bool
     mixing: bool
-    unwanted: dict[int, list[int]] = dataclass_field(default_factory=dict)
 
     def solve(self, polys: Sequence[Any], variables: Sequence[int]) -> list[Zero]:
         """See ``zeros``: all of them."""
@@ -236,11 +224,8 @@ class _Solver:
         """Return True if the value of variable v is none of the unwanted ones."""
         if v not in self.nonzero:
             return True
-        if v not in self.unwanted:
-            powers = {int(m[v]): int(c) for m, c in terms_of(self.nonzero[v]).items()}
-            self.unwanted[v] = [powers.get(e, 0) for e in range(max(powers), -1, -1)]
         value = zero.field.zero()
-        for c in self.unwanted[v]:
+        for c in reversed(_line(self.nonzero[v], v)):
             value = value * zero.at[v] + c
         return not value.is_zero()
 
@@ -292,7 +277,11 @@ def _extended(zero: Zero, common: Any, v: int) -> list[Zero]:
     prime = int(zero.field.characteristic())
     if zero.field.degree() == 1:
         line = nmod_poly([_number(c) for c in common.coeffs()], prime)
-        return [_with_root(zero, factor, v) for factor, _ in line.factor()[1]]
+        out = []
+        for factor, _ in line.factor()[1]:
+            field, root = _field_of(factor)
+            out.append(Zero(field, {**{u: field(_number(x)) for u, x in zero.at.items()}, v: root}))
+        return out
     plane = modular_context(("x", "w"), prime)
     x, w = plane.gens()
     modulus = [int(c) for c in zero.field.modulus().coeffs()]
@@ -303,17 +292,11 @@ def _extended(zero: Zero, common: Any, v: int) -> list[Zero]:
         above = plane.constant(0)
         for row in reversed(terms):
             above = above * y + sum((c * x**i for i, c in enumerate(row)), plane.constant(0))
-        minimal = _univariate(below.resultant(above, "x"), 1, prime)
+        minimal = nmod_poly(_line(below.resultant(above, "x"), 1), prime)
         if minimal.gcd(minimal.derivative()).degree() > 0:
             continue  # two roots give one sum
         return [_with_sum(zero, f, v, modulus, terms, multiple) for f, _ in minimal.factor()[1]]
     raise Undecided
-
-
-def _with_root(zero: Zero, factor: Any, v: int) -> Zero:
-    """A zero over the prime field, with a root of an irreducible factor."""
-    field, root = _field_of(factor)
-    return Zero(field, {**{u: field(_number(x)) for u, x in zero.at.items()}, v: root})
 
 
 def _with_sum(
@@ -348,7 +331,7 @@ def _field_of(factor: Any) -> tuple[Any, Any]:
         field = _field(prime)
         return field, field(int(-factor[0] / factor[1]))
     field = fq_default_ctx(
-        modulus=_polynomials(prime)([int(c) for c in factor.coeffs()]),
+        modulus=fmpz_mod_poly_ctx(prime)([int(c) for c in factor.coeffs()]),
         fq_type="FQ_NMOD",
         check_prime=False,
         check_modulus=False,
@@ -368,12 +351,7 @@ def _number(value: Any) -> int:
     return int(line[0]) if line else 0
 
 
-def _univariate(poly: Any, v: int, prime: int) -> Any:
-    """A polynomial in variable v alone, as flint's univariate kind."""
+def _line(poly: Any, v: int) -> list[int]:
+    """Coefficients of a polynomial in variable v alone, the constant first."""
     coefficients = {int(m[v]): int(c) for m, c in terms_of(poly).items()}
-    return nmod_poly([coefficients.get(i, 0) for i in range(max(coefficients) + 1)], prime)
-
-
-@functools.cache
-def _polynomials(prime: int) -> Any:
-    return fmpz_mod_poly_ctx(prime)
+    return [coefficients.get(i, 0) for i in range(max(coefficients) + 1)]
