@@ -8,14 +8,15 @@ real angle makes zero.
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+import operator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.matrix import Matrix, primitive
-from pinsing.algebra.mimic import Drive, driven_by, drives
+from pinsing.algebra.mimic import driven_by, drives
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.robot.exact_placements import Matrix as Rotation
 from pinsing.robot.nominal import Nominal
@@ -110,11 +111,6 @@ class _Chain:
                 total = total + self.of(x, y)
         return self.ring.reduce(total)
 
-    def matrix(self, A: Matrix, B: Matrix) -> Matrix:
-        """A times B."""
-        columns = list(zip(*B, strict=True))
-        return [[self.dot(row, column) for column in columns] for row in A]
-
     def cross(self, a: Sequence[Poly], b: Sequence[Poly]) -> list[Poly]:
         """A x b."""
         turned = ((1, 2), (2, 0), (0, 1))
@@ -149,58 +145,41 @@ class _Chain:
         c, s = self.ring.reduce(c * a - s * b), self.ring.reduce(c * b + s * a)
         return RigidMotion([[c, -s, zero], [s, c, zero], [zero, zero, w]], [zero, zero, zero], w)
 
-    def compose(self, a: RigidMotion, b: RigidMotion) -> RigidMotion:
-        dot, of, reduce = self.dot, self.of, self.ring.reduce
-        p = [dot(row, b.p) + reduce(of(x, b.d)) for row, x in zip(a.R, a.p, strict=True)]
-        return RigidMotion(self.matrix(a.R, b.R), p, of(a.d, b.d))
+    def tip(self, middle: int) -> tuple[list[Poly], Poly]:
+        """The tip's position in the frame of joint ``middle`` before its motion, over a scale."""
+        p, scale = [self.ring.zero] * 3, self.ring.one
+        for k in range(self.n - 1, middle - 1, -1):
+            for pose in (self.placed(k + 1), self.moved(k)):
+                moved = zip(pose.R, pose.p, strict=True)
+                p = [self.dot(row, p) + self.ring.reduce(self.of(x, scale)) for row, x in moved]
+                scale = self.of(scale, pose.d)
+        return p, scale
 
-    def inverse(self, a: RigidMotion) -> RigidMotion:
-        Rt = [list(column) for column in zip(*a.R, strict=True)]
-        of = self.of
-        R = [[of(x, a.d) for x in row] for row in Rt]
-        return RigidMotion(R, [-self.dot(row, a.p) for row in Rt], of(a.d, a.d))
-
-    def identity(self) -> RigidMotion:
-        one, zero = self.ring.one, self.ring.zero
-        return RigidMotion(
-            [[one if a == b else zero for b in range(3)] for a in range(3)], [zero] * 3, one
-        )
-
-    def screw(self, j: int, middle: int) -> list[Poly]:
-        """Return the screw (v, w) of joint j, in the frame of joint ``middle`` before its motion.
-
-        Up to a factor that no real angle makes zero. Carried step by step: that is two vectors to
-        turn, where a pose has three columns and a position.
-        """
-        slides = self.geometry.prismatic[j]
+    def screw(self, j: int, middle: int) -> tuple[list[Poly], list[Poly]]:
+        """Return the screw (v, w) of joint j, seen from joint ``middle``."""
         axis = [self.ring.zero, self.ring.zero, self.ring.one]
         none = [self.ring.zero] * 3
-        v, w = (axis, none) if slides else (none, axis)
+        v, w = (axis, none) if self.geometry.prismatic[j] else (none, axis)
+        return self.seen(v, w, j, middle)
+
+    def seen(
+        self, v: list[Poly], w: list[Poly], j: int, middle: int, still: bool = False
+    ) -> tuple[list[Poly], list[Poly]]:
+        """A screw of the frame of joint j, in that of joint ``middle`` before its motion.
+
+        Up to a factor that no real angle makes zero. Carried step by step: that is two vectors to
+        turn, where a pose has three columns and a position. It moves with joint j, or is ``still``.
+        """
         for k in range(j - 1, middle - 1, -1):
-            v, w = self.carried(v, w, self.placed(k + 1), self.moved(k))
+            for pose in (self.placed(k + 1), self.moved(k)):
+                v, w = ([self.dot(row, x) for row in pose.R] for x in (v, w))
+                v = self._shifted(v, pose.p, w, 1)
         for k in range(j, middle):
-            if k > j:
-                v, w = self.carried_on(v, w, self.moved(k))
-            v, w = self.carried_on(v, w, self.placed(k + 1))
-        return v + w
-
-    def carried(
-        self, v: list[Poly], w: list[Poly], *poses: RigidMotion
-    ) -> tuple[list[Poly], list[Poly]]:
-        """A screw seen from before poses that follow it on the chain, the nearest first."""
-        for pose in poses:
-            v, w = ([self.dot(row, x) for row in pose.R] for x in (v, w))
-            v = self._shifted(v, pose.p, w, 1)
+            for pose in (self.moved(k), self.placed(k + 1))[0 if k > j or still else 1 :]:
+                v = self._shifted(v, pose.p, w, -1)
+                columns = list(zip(*pose.R, strict=True))
+                v, w = ([self.dot(column, x) for column in columns] for x in (v, w))
         return v, w
-
-    def carried_on(
-        self, v: list[Poly], w: list[Poly], pose: RigidMotion
-    ) -> tuple[list[Poly], list[Poly]]:
-        """A screw seen from behind a pose that goes before it."""
-        columns = list(zip(*pose.R, strict=True))
-        v = self._shifted(v, pose.p, w, -1)
-        turned = [[self.dot(column, x) for column in columns] for x in (v, w)]
-        return turned[0], turned[1]
 
     def _shifted(self, v: list[Poly], p: list[Poly], w: list[Poly], sign: int) -> list[Poly]:
         """V + p x w, or v - p x w: motions here turn or shift, so that p is over one."""
@@ -209,19 +188,6 @@ class _Chain:
         turned = self.cross(p, w)
         return [a + b if sign > 0 else a - b for a, b in zip(v, turned, strict=True)]
 
-    def added(self, parts: Sequence[tuple[Drive, list[Poly], Poly]]) -> list[Poly]:
-        """Column of a joint and its followers, each over a scale of its own, up to a factor."""
-        if len(parts) == 1:
-            return parts[0][1]
-        total = [self.ring.zero] * len(parts[0][1])
-        for i, (drive, column, _) in enumerate(parts):
-            factor = self.ring.number(drive.multiple)
-            for k, (_, _, scale) in enumerate(parts):
-                factor = self.of(factor, scale) if k != i else factor
-            both = zip(total, column, strict=True)
-            total = [self.ring.reduce(t + self.of(x, factor)) for t, x in both]
-        return total
-
     def scale(self, j: int, middle: int) -> Poly:
         """What ``screw`` is over: x^2 + y^2 of each joint that turns on the way."""
         scale = self.ring.one
@@ -229,48 +195,42 @@ class _Chain:
             scale = self.of(scale, self.moved(k).d)
         return scale
 
-    def joint_frames(self, middle: int) -> tuple[list[RigidMotion], RigidMotion, RigidMotion]:
-        """Frames of all joints before they move, joint 1's after, and the tip, from ``middle``."""
-        frames: list[RigidMotion] = [self.identity()] * self.n
-        here = self.identity()
-        for j in range(middle, self.n):
-            frames[j] = here
-            here = self.compose(self.compose(here, self.moved(j)), self.placed(j + 1))
-        tip = here
-        back = self.identity()
-        moved_first = self.moved(0)
-        for j in range(middle - 1, -1, -1):
-            behind = self.compose(self.placed(j + 1), back)
-            if j == 0:
-                moved_first = self.inverse(behind)
-            back = self.compose(self.moved(j), behind)
-            frames[j] = self.inverse(back)
-        return frames, moved_first, tip
-
-    def directions(
-        self, frames: list[RigidMotion], first: RigidMotion, tip: RigidMotion, task: Task
-    ) -> dict[int, Row]:
+    def directions(self, middle: int, task: Task) -> dict[int, Row]:
         """For each row that axes matter to, its direction, up to a factor that is never zero."""
-        found: dict[int, Row] = {}
-        number = self.ring.number
-        if rows := in_axes(task, False):
-            # Whether the first joint's turn leaves the rows in base axes the same set.
-            rotation, about = self.geometry.rotation[0], round_about(in_axes(task, False))
-            before = first if any(_along_z(rotation, k, row=True) for k in about) else frames[0]
-            back = [
-                [number(x) for x in row] for row in zip(*self.geometry.rotation[0], strict=True)
-            ]
-            found |= self._columns(self.matrix(before.R, back), rows)
-        if rows := in_axes(task, True):
-            turn, whole = tip_axes(self.geometry, task)
-            # The last placement does not turn: behind the motion is where the tip is.
-            behind = frames[-1] if whole else tip
-            last = [[number(x) for x in row] for row in turn]
-            found |= self._columns(self.matrix(behind.R, last), rows)
-        return found
+        rotation, base = self.geometry.rotation[0], in_axes(task, False)
+        # Whether the first joint's turn leaves the rows in base axes the same set.
+        about = any(_along_z(rotation, k, row=True) for k in round_about(base))
+        # The last placement does not turn: behind the last motion is where the tip is.
+        turn, whole = tip_axes(self.geometry, task)
+        end, columns = self.n - 1 if whole else self.n, list(zip(*turn, strict=True))
+        from_base = {r: (rotation[r % 3], 0, not about) for r in base}
+        axes = from_base | {r: (columns[r % 3], end, False) for r in in_axes(task, True)}
+        none, number = [self.ring.zero] * 3, self.ring.number
+        return {
+            r: self.seen(none, [number(x) for x in axis], j, middle, still)[1]
+            for r, (axis, j, still) in axes.items()
+        }
 
-    def _columns(self, R: Matrix, rows: Sequence[int]) -> dict[int, Row]:
-        return {r: [line[r % 3] for line in R] for r in rows}
+    def columns(
+        self, joints: Sequence[int], middle: int, rows: Callable[[Row, Row], Row]
+    ) -> Matrix:
+        """Columns of some of the arm's joints: ``rows`` of screws (v, w), up to factors."""
+        out = []
+        for joint in joints:
+            self.time.check()
+            moved = driven_by(self.drives, joint)
+            found = [rows(*self.screw(j, middle)) for j in moved]
+            total = found[0]
+            if len(moved) > 1:  # a joint and its followers, each over a scale of its own
+                scales = [self.scale(j, middle) for j in moved]
+                total = [self.ring.zero] * len(total)
+                for i, (j, column) in enumerate(zip(moved, found, strict=True)):
+                    factors = [self.ring.number(self.drives[j].multiple), *scales]
+                    factor = functools.reduce(self.of, factors[: i + 1] + factors[i + 2 :])
+                    both = zip(total, column, strict=True)
+                    total = [self.ring.reduce(t + self.of(x, factor)) for t, x in both]
+            out.append(primitive(total, self.ring))
+        return [list(row) for row in zip(*out, strict=True)]
 
 
 def constants(geometry: Nominal, task: Task) -> list[Exact]:
@@ -295,39 +255,23 @@ def jacobian_matrix(
     the sum of their columns, by the chain rule; NotFollowed if one is no polynomial.
     """
     chain = _Chain(geometry, ring, time, leaders)
-    of, dot = chain.of, chain.dot
-    if task.name == "pose" and len({drive.leader for drive in chain.drives}) == chain.n:
-        screws: dict[int, list[Poly]] = {}
-        for j, drive in enumerate(chain.drives):
-            time.check()
-            screws[drive.leader] = primitive(chain.screw(j, chain.n // 2), ring)
-        return [list(row) for row in zip(*(screws[a] for a in sorted(screws)), strict=True)]
-    frames, first, tip = chain.joint_frames(chain.n // 2)
-    directions = chain.directions(frames, first, tip, task)
-    at_tip = task.name != "pose" and any(r < 3 for r in task.rows)
-    zero = ring.zero
-    by_leader: dict[int, list[tuple[Drive, list[Poly], Poly]]] = {}
-    for j, frame in enumerate(frames):
-        time.check()
-        z = [row[2] for row in frame.R]  # over frame.d
-        if geometry.prismatic[j]:
-            v, w, scale = [x * ring.one for x in z], [zero] * 3, frame.d
-        else:
-            scale = of(of(frame.d, frame.d), tip.d if at_tip else ring.one)
-            if at_tip:  # lever from the joint to the tip, over frame.d * tip.d
-                lever = [of(t, frame.d) - of(p, tip.d) for t, p in zip(tip.p, frame.p, strict=True)]
-                w = [of(of(x, frame.d), tip.d) for x in z]
-            else:
-                lever = [-p for p in frame.p]
-                w = [of(x, frame.d) for x in z]
-            v = chain.cross(z, lever)
-        six, drive = v + w, chain.drives[j]
-        rows = [
-            dot(directions[r], v if r < 3 else w) if r in directions else six[r] for r in task.rows
+    joints, middle = sorted({drive.leader for drive in chain.drives}), chain.n // 2
+    if task.name == "pose":
+        return chain.columns(joints, middle, operator.add)
+    directions = chain.directions(middle, task)
+    tip, over = chain.tip(middle) if min(task.rows) < 3 else ([], ring.one)
+
+    def rows(v: Row, w: Row) -> Row:
+        if tip and any(w):  # of the tip, where ``v`` is of the frame's origin
+            levered = zip(v, chain.cross(w, tip), strict=True)
+            v, w = [chain.of(a, over) + b for a, b in levered], [chain.of(x, over) for x in w]
+        six = v + w
+        return [
+            chain.dot(directions[r], v if r < 3 else w) if r in directions else six[r]
+            for r in task.rows
         ]
-        by_leader.setdefault(drive.leader, []).append((drive, rows, scale))
-    columns = [primitive(chain.added(by_leader[a]), ring) for a in sorted(by_leader)]
-    return [list(row) for row in zip(*columns, strict=True)]
+
+    return chain.columns(joints, middle, rows)
 
 
 def neighbouring_screws(
@@ -339,12 +283,5 @@ def neighbouring_screws(
     only what moves between the first and the last occurs. Mimic joints are as of `jacobian_matrix`.
     """
     chain = _Chain(geometry, ring, time)
-    rows = [driven_by(chain.drives, a) for a in joints]
-    every = sorted(j for some in rows for j in some)
-    middle = every[len(every) // 2]
-    screws = [
-        [(chain.drives[j], chain.screw(j, middle), chain.scale(j, middle)) for j in some]
-        for some in rows
-    ]
-    columns = [primitive(chain.added(some), ring) for some in screws]
-    return [list(row) for row in zip(*columns, strict=True)]
+    every = sorted(j for a in joints for j in driven_by(chain.drives, a))
+    return chain.columns(joints, every[len(every) // 2], operator.add)
