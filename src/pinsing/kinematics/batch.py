@@ -31,45 +31,39 @@ ENGINES = ("auto", "batch", PINOCCHIO)
 INSTRUCTION_SETS = ("baseline", "avx2", "avx512")
 
 
-def batch_chain(arm: Arm, engine: str = "auto") -> Chain | None:
-    """Return the arm's chain for the compiled kernel ("auto", "batch"), or None for Pinocchio."""
-    # EngineError if "batch" is not installed, or disagrees with Pinocchio.
-    OptionError.refuse_if(
-        engine not in ENGINES, f"unknown engine {engine!r}: use one of {', '.join(ENGINES)}"
-    )
-    if engine == PINOCCHIO:
-        return None
-    found = _chain_or_reason(arm)
-    if engine == "batch" and not isinstance(found, Chain):
-        raise EngineError(found)
-    return found if isinstance(found, Chain) else None
-
-
 def _chain_or_reason(arm: Arm) -> Chain | str:
     """The arm's chain for the kernel, or why there is none."""
     # A kernel that does not match the sources cannot be verified.
     return kernel.unavailable_reason() or _verified(arm)
 
 
+def kernel_chain(arm: Arm) -> Chain:
+    """The arm's chain for the kernel; EngineError if there is none, or it is not Pinocchio's."""
+    found = _chain_or_reason(arm)
+    if isinstance(found, str):
+        raise EngineError(found)
+    return found
+
+
 def fixed_engine(arm: Arm, engine: str = "auto") -> str:
     """Return ``pinocchio``, or the best or given instruction set (baseline, avx2, avx512)."""
     # EngineError if it is not there, or disagrees with Pinocchio on this arm.
     here = kernel.isa_names()
-    if engine in here:
-        batch_chain(arm, "batch")
-        return engine
-    if engine not in ENGINES:
-        if engine in INSTRUCTION_SETS:
-            has = ", ".join(here) or "no compiled kernel"
-            EngineError.refuse_if(
-                here and engine not in kernel.built_names(),
-                f"engine {engine} was not compiled here; this installation has {has} "
-                "(pip install -e . in the clone compiles all)",
-            )
-            raise EngineError(f"engine {engine} does not run on this machine; it has {has}")
-        names = dict.fromkeys((*ENGINES, *here))
-        raise OptionError(f"unknown engine {engine!r}: use one of {', '.join(names)}")
-    return PINOCCHIO if batch_chain(arm, engine) is None else here[-1]
+    if engine == PINOCCHIO or (engine == "auto" and isinstance(_chain_or_reason(arm), str)):
+        return PINOCCHIO
+    if engine in (*here, "auto", "batch"):
+        kernel_chain(arm)
+        return engine if engine in here else here[-1]
+    if engine in INSTRUCTION_SETS:
+        has = ", ".join(here) or "no compiled kernel"
+        EngineError.refuse_if(
+            here and engine not in kernel.built_names(),
+            f"engine {engine} was not compiled here; this installation has {has} "
+            "(pip install -e . in the clone compiles all)",
+        )
+        raise EngineError(f"engine {engine} does not run on this machine; it has {has}")
+    names = dict.fromkeys((*ENGINES, *here))
+    raise OptionError(f"unknown engine {engine!r}: use one of {', '.join(names)}")
 
 
 def engine_name(arm: Arm) -> str:
@@ -238,8 +232,7 @@ def each_cross(a: Array, b: Array) -> Array:
 
 @kept
 def _with_tip_axes(arm: Arm) -> Chain:
-    chain = batch_chain(arm, "batch")
-    assert chain is not None  # an engine of the kernel was fixed
+    chain = kernel_chain(arm)
     cycle = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])  # its z axis is the x axis before it
     steps = [chain.R[-1] @ cycle, cycle, cycle, np.eye(3)]
     return Chain(
@@ -319,62 +312,49 @@ class Batch:
 
     def sigma(self, Q: Array) -> Array:
         """Singular values (N, min(m, n)) of the task Jacobian at the arm's length scale."""
-        arm, chain = self.arm, self._chain()
-        if chain is None or arm.coupling is not None or arm.task.at_tip:
-            return self._svd(scale_rows(arm, self.frame_jacobians(Q), Q, self._tip(Q)))
-        return kernel.singular_values(
-            chain,
-            Q,
-            rows=arm.task.rows,
-            length_scale=arm.length_scale,
-            threads=self.threads,
-            isa=self.engine,
-        )
+        return self._sigma(Q, False)
 
     def own_sigma(self, Q: Array, sigma: Array | None = None) -> Array:
         """The same at the arm's own scale, without units; out of ``sigma`` where that will do."""
-        arm, scale, chain = self.arm, own_scale(self.arm), self._chain()
-        if scale.of_sigma is not None:
-            sigma = self.sigma(Q) if sigma is None else sigma
-            return sigma if scale.of_sigma == 1.0 else sigma * scale.of_sigma
+        factor = own_scale(self.arm).of_sigma
+        if factor is None:
+            return self._sigma(Q, True)
+        sigma = self.sigma(Q) if sigma is None else sigma
+        return sigma if factor == 1.0 else sigma * factor
+
+    def _sigma(self, Q: Array, own: bool) -> Array:
+        arm, chain, scale = self.arm, self._chain(), own_scale(self.arm)
         if chain is None or arm.coupling is not None or arm.task.at_tip:
-            return self._svd(scale.apply(arm, self.frame_jacobians(Q), Q, self._tip(Q)))
+            at_tip, J = arm.task.at_tip, self.frame_jacobians(Q)
+            R = tip_rotations(arm, Q, self.engine, self.threads) if at_tip else None
+            J = scale.apply(arm, J, Q, R) if own else scale_rows(arm, J, Q, R)
+            if chain is None:
+                return np.asarray(np.linalg.svd(J, compute_uv=False))
+            return kernel.svdvals(J, threads=self.threads, isa=self.engine)
         return kernel.singular_values(
-            self.own_chain(),
-            Q / scale.columns,
+            self.own_chain() if own else chain,
+            Q / scale.columns if own else Q,
             rows=arm.task.rows,
+            length_scale=1.0 if own else arm.length_scale,
             threads=self.threads,
             isa=self.engine,
-        )
-
-    def _tip(self, Q: Array) -> Array | None:
-        """Rotations of the tip on this engine, where the task asks for its axes."""
-        return (
-            tip_rotations(self.arm, Q, self.engine, self.threads) if self.arm.task.at_tip else None
         )
 
     def own_chain(self) -> Chain:
         """The kernel's chain of the arm as it is in its own length."""
-        chain = self._chain()
-        assert chain is not None  # only the kernel has one
-        length = own_scale(self.arm).length
+        chain, length = kernel_chain(self.arm), own_scale(self.arm).length
         return self.arm.once("own_chain", lambda: Chain(chain.R, chain.t / length, chain.prismatic))
 
     def _chain(self) -> Chain | None:
         if self.engine == PINOCCHIO:
             return None
-        chain, here = batch_chain(self.arm, "batch"), kernel.isa_names()
+        chain, here = kernel_chain(self.arm), kernel.isa_names()
         EngineError.refuse_if(
             self.engine not in here,
             f"the run was planned for {self.engine}, but this machine runs "
             f"{', '.join(here)}; start it with an engine that all machines have",
         )
         return chain
-
-    def _svd(self, J: Array) -> Array:
-        if self.engine == PINOCCHIO:
-            return np.asarray(np.linalg.svd(J, compute_uv=False))
-        return kernel.svdvals(J, threads=self.threads, isa=self.engine)
 
 
 def batch(arm: Arm, engine: str = "auto", threads: int | None = None) -> Batch:

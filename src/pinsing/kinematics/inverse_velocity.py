@@ -23,38 +23,17 @@ METHODS = ("pinv", "dls", "filter", "sdls", "jparse")
 _HUGE = 1e100
 
 
-@dataclass(frozen=True)
-class DampingOptions:
-    """Options of the methods."""
-
-    damping: float = 0.05  # largest lambda ("dls", "filter"), in units of singular values
-    threshold: float = 0.1  # singular value where damping begins ("dls", "filter")
-    isotropic: float = 0.0  # damping of all directions ("filter")
-    manipulability: float | None = None  # w_0 below which "dls" damps, instead
-    gamma: float = 0.1  # least share of the largest singular value kept as it is ("jparse")
-    # largest joint speed of one direction ("sdls"), radians per second
-    gamma_max: float = np.pi / 4
-
-    def __post_init__(self) -> None:
-        for name in ("damping", "threshold", "gamma_max", "manipulability"):
-            value = getattr(self, name)
-            OptionError.refuse_if(
-                value is not None and not 0 < value < _HUGE,
-                f"{name} must be a positive number, got {value!r}",
-            )
-        OptionError.refuse_if(
-            not 0 <= self.isotropic < _HUGE,
-            f"isotropic must not be negative, got {self.isotropic!r}",
-        )
-        OptionError.refuse_if(
-            not 0 < self.gamma < 1, f"gamma must be between 0 and 1, got {self.gamma!r}"
-        )
-
-
-def damped_gains(method: str, sigma: Array, options: DampingOptions) -> Array:
+def damped_gains(
+    method: str,
+    sigma: Array,
+    damping: float,
+    threshold: float,
+    isotropic: float,
+    manipulability: float | None,
+    gamma: float,
+) -> Array:
     """Return gains (..., k) of singular values (..., k), descending; all methods but "sdls"."""
     # A singular value that cannot be told from zero has gain zero with "pinv".
-    o = options
     largest = sigma[..., :1]
     if method == "pinv":
         lost = sigma <= NOISE * largest
@@ -63,20 +42,20 @@ def damped_gains(method: str, sigma: Array, options: DampingOptions) -> Array:
         # Nakamura and Hanafusa: lambda^2 = lambda_0^2 (1 - w / w_0)^2 where w < w_0. With w the
         # product of all singular values, and w_0 that product with `threshold` as the last one,
         # w / w_0 is the last one over `threshold`.
-        if o.manipulability is None:
-            share = sigma[..., -1:] / o.threshold
+        if manipulability is None:
+            share = sigma[..., -1:] / threshold
         else:
-            share = np.prod(sigma, axis=-1, keepdims=True) / o.manipulability
-        return _over(sigma, (o.damping * np.maximum(1 - share, 0.0)) ** 2)
+            share = np.prod(sigma, axis=-1, keepdims=True) / manipulability
+        return _over(sigma, (damping * np.maximum(1 - share, 0.0)) ** 2)
     if method == "filter":
         # Maciejewski and Klein: J^T (J J^T + lambda^2 1 + beta^2 u_m u_m^T)^-1, u_m the direction
         # that is lost. Each direction below the threshold has a beta of its own, so that nothing
         # jumps where two of them change places; with one it is theirs.
-        beta = o.damping**2 * np.maximum(1 - (sigma / o.threshold) ** 2, 0.0)
-        return _over(sigma, beta + o.isotropic**2)
+        beta = damping**2 * np.maximum(1 - (sigma / threshold) ** 2, 0.0)
+        return _over(sigma, beta + isotropic**2)
     # J-PARSE: J_s^+ J_p J_p^+ + J_s^+ Phi; singular values below gamma sigma_max are that in J_s,
     # missing in J_p, and sigma / (gamma sigma_max) in Phi.
-    least = np.where(largest > 0, o.gamma * largest, 1.0)
+    least = np.where(largest > 0, gamma * largest, 1.0)
     return np.where(sigma > least, 1 / np.maximum(sigma, least), sigma / least**2)
 
 
@@ -238,10 +217,27 @@ def inverse_velocity(
     OptionError.refuse_if(
         method not in METHODS, f"method must be one of {', '.join(METHODS)}, got {method!r}"
     )
-    options = DampingOptions(damping, threshold, isotropic, manipulability, gamma, gamma_max)
+    positive = {"damping": damping, "threshold": threshold, "gamma_max": gamma_max}
+    for name, value in {**positive, "manipulability": manipulability}.items():
+        OptionError.refuse_if(
+            value is not None and not 0 < value < _HUGE,
+            f"{name} must be a positive number, got {value!r}",
+        )
+    OptionError.refuse_if(
+        not 0 <= isotropic < _HUGE, f"isotropic must not be negative, got {isotropic!r}"
+    )
+    OptionError.refuse_if(not 0 < gamma < 1, f"gamma must be between 0 and 1, got {gamma!r}")
     jacobians, twists = _arrays(J, twist)
     m, n = jacobians.shape[-2:]
-    rows = _rows(m, length_scale)
+    OptionError.refuse_if(
+        not 0 < length_scale < _HUGE, f"length_scale must be positive, got {length_scale!r}"
+    )
+    OptionError.refuse_if(
+        length_scale != 1.0 and m != 6,
+        f"length_scale is for Jacobians of 6 rows; scale the {m} rows of this one",
+    )
+    # What each row is divided by.
+    rows = np.array([length_scale] * 3 + [1.0] * 3) if m == 6 else np.ones(m)
     weight = _positive(weights, n, "weights", np.ones(n))
     OptionError.refuse_if(
         not np.isfinite(weight).all(), f"weights must be finite, got {weight.tolist()}"
@@ -253,7 +249,7 @@ def inverse_velocity(
     if method == "sdls":
         gains = selective_gains(scaled, sigma, V, wanted, gamma_max)
     else:
-        gains = damped_gains(method, sigma, options)
+        gains = damped_gains(method, sigma, damping, threshold, isotropic, manipulability, gamma)
     y = np.einsum("...nk,...k->...n", V, gains * wanted)
     if method == "sdls":
         y = y * np.minimum(1.0, gamma_max / np.maximum(np.abs(y).max(axis=-1), 1e-300))[..., None]
@@ -304,18 +300,6 @@ def _arrays(J: ArrayLike, twist: ArrayLike) -> tuple[Array, Array]:
         ) from None
     jacobians = np.broadcast_to(jacobians, (*shape, *jacobians.shape[-2:]))
     return jacobians, np.broadcast_to(twists, (*shape, m))
-
-
-def _rows(m: int, length_scale: float) -> Array:
-    """Return what each row is divided by."""
-    OptionError.refuse_if(
-        not 0 < length_scale < 1e100, f"length_scale must be positive, got {length_scale!r}"
-    )
-    OptionError.refuse_if(
-        length_scale != 1.0 and m != 6,
-        f"length_scale is for Jacobians of 6 rows; scale the {m} rows of this one",
-    )
-    return np.array([length_scale] * 3 + [1.0] * 3) if m == 6 else np.ones(m)
 
 
 def _positive(given: ArrayLike | None, n: int, name: str, default: Array) -> Array:

@@ -16,12 +16,15 @@ from pinsing.errors import ConfigurationError
 from pinsing.kinematics.batch import (
     batch,
     each_cross,
+    joint_frames,
+    model_values,
     own_scale,
     scale_rows as scale_rows,
     turned_slopes,
 )
 from pinsing.kinematics.verdict import generic_rank as generic_rank
 from pinsing.robot.arm import Arm
+from pinsing.robot.chain import flatten
 
 
 @checked
@@ -45,13 +48,8 @@ def tip_and_jacobian(arm: Arm, q: Array) -> tuple[Array, Array, Array]:
 
 def tip_poses(arm: Arm, Q: Array) -> tuple[Array, Array]:
     """Positions (N, 3), metres, and rotations (N, 3, 3) of the tip in the base at Q (N, n)."""
-    model, data, tip = arm.model, arm.model.createData(), arm.tip_id
-    positions, rotations = np.empty((len(Q), 3)), np.empty((len(Q), 3, 3))
-    for i, q in enumerate(arm.model_q(Q)):
-        pin.forwardKinematics(model, data, q)
-        place = pin.updateFramePlacement(model, data, tip)
-        positions[i], rotations[i] = place.translation, place.rotation
-    return positions, rotations
+    rotations, origins = joint_frames(flatten(arm), model_values(arm, Q))
+    return origins[:, -1], rotations[:, -1]
 
 
 @checked

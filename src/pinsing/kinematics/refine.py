@@ -48,35 +48,34 @@ UNDECIDED: Kind = "undecided"
 
 def clear_kinds(arm: Arm, Q: Array, compiled: bool = True) -> list[Kind | None]:
     """Return kinds at singular Q (N, n) where one motion is lost, and clear; else None."""
-    compiled = compiled and generic_rank(arm) == len(arm.task.rows)
-    found = _told_compiled(arm, Q) if compiled else None
-    told = _told(arm, Q) if found is None else found
+    on, rows, r = batch(arm), arm.task.rows, generic_rank(arm)
+    own = _own_kernel(arm) and engine.second_orders_covered(arm.n, len(rows)) and r == len(rows)
+    if compiled and own:
+        told = engine.second_orders(
+            on.own_chain(),
+            Q / own_scale(arm).columns,
+            rows=rows,
+            zero=SINGULAR_RTOL,
+            size=task_size(arm),
+            # Configurations from which on they are shared out among threads
+            threads=1 if len(Q) < 1_000 else None,
+            isa=on.engine,
+        )
+    else:
+        told = _told(arm, Q)
     above, least, greatest, entry, reached, largest = told.T
     tol = _ROUNDING * largest
     best = np.maximum(least, -greatest)
     kinds: dict[int, Kind | None] = {0: None, 1: UNDECIDED, 2: "interior", 3: "boundary"}
     clear = np.where(np.abs(best) > tol, np.where(best > 0, 3, 2), 0)
     flat = np.where(reached > tol, 2, 1)
-    once = above == generic_rank(arm) - 1
+    once = above == r - 1
     return [kinds[k] for k in np.where(once, np.where(entry <= tol, flat, clear), 0).tolist()]
 
 
-def _told_compiled(arm: Arm, Q: Array) -> Array | None:
-    """As ``_told``, in the compiled kernel; None where it does not cover the arm."""
-    on, rows = batch(arm), arm.task.rows
-    alone = arm.coupling is not None or arm.task.at_tip or on.engine == PINOCCHIO
-    if alone or not engine.second_orders_covered(arm.n, len(rows)):
-        return None
-    return engine.second_orders(
-        on.own_chain(),
-        Q / own_scale(arm).columns,
-        rows=rows,
-        zero=SINGULAR_RTOL,
-        size=task_size(arm),
-        # Configurations from which on they are shared out among threads
-        threads=1 if len(Q) < 1_000 else None,
-        isa=on.engine,
-    )
+def _own_kernel(arm: Arm) -> bool:
+    """Return True if the kernel may know what the arm's task and joints are."""
+    return arm.coupling is None and not arm.task.at_tip and batch(arm).engine != PINOCCHIO
 
 
 def _told(arm: Arm, Q: Array) -> Array:
@@ -131,49 +130,33 @@ def kinds_many(arm: Arm, Q: ArrayLike, most: int | None = None) -> list[Kind | N
     found = [*clear_kinds(arm, Q[:count]), *[None] * (len(Q) - count)]
     if rest := [i for i, kind in enumerate(found[:count]) if kind is None][:most]:
         J, H = own_jacobians_and_derivatives(arm, Q[rest])
-        spaces = [_spaces(arm, *row) for row in zip(Q[rest], J, H, strict=True)]
-        for i, kind in zip(rest, _decided(arm, Q[rest], spaces), strict=True):
+        spaces = [_Spaces(arm, *row) for row in zip(Q[rest], J, H, strict=True)]
+        for i, kind in zip(rest, _decided(arm, spaces), strict=True):
             found[i] = kind
     return found
 
 
-@dataclass(frozen=True, eq=False)
 class _Spaces:
-    """Null spaces of one task Jacobian at the own scale, and what they say of the kind.
+    """Null spaces of one task Jacobian at the own scale, and what they say of the kind."""
 
-    ``kind`` is None where it is a boundary if u (m,) stays lost along the kernel (n, p).
-    """
-
-    rank: int
-    ratio: float
-    lost: Array
-    still: Array
-    kind: Kind | None
-    u: Array
-    kernel: Array
-
-
-def _spaces(arm: Arm, q: Array, J: Array, H: Array) -> _Spaces:
-    U, sigma, Vt = np.linalg.svd(J)
-    r = generic_rank(arm)
-    rank, ratio = rank_of(arm, sigma), float(ratio_of(arm, sigma))
-    N = Vt[rank:].T
-    if rank >= r:
-        none = np.zeros((len(J), 0))
-        return _Spaces(rank, ratio, none, N, UNDECIDED, none, none)
-    lost = _lost(arm, q, U[:, rank:], N, H, rank)
-    return _Spaces(rank, ratio, lost, N, *_kind(lost, N, H))
+    def __init__(self, arm: Arm, q: Array, J: Array, H: Array) -> None:
+        U, sigma, Vt = np.linalg.svd(J)
+        self.rank, self.ratio = rank_of(arm, sigma), float(ratio_of(arm, sigma))
+        self.still, self.lost = Vt[self.rank :].T, np.zeros((len(J), 0))
+        self.kind: Kind = UNDECIDED
+        # q, u (m,) and directions (n, p): a boundary if u stays lost along all of these.
+        self.way: tuple[Array, Array, Array] | None = None
+        if self.rank < generic_rank(arm):
+            self.lost = _lost(arm, q, U[:, self.rank :], self.still, H, self.rank)
+            self.kind, along = _kind(self.lost, self.still, H)
+            self.way = None if along is None else (q, *along)
 
 
-def _decided(arm: Arm, Q: Array, spaces: Sequence[_Spaces]) -> list[Kind]:
-    """The kinds at Q (N, n); what has to be followed for a way is followed all at once."""
-    kinds = [s.kind or UNDECIDED for s in spaces]
-    open_ = [i for i, s in enumerate(spaces) if s.kind is None]
-    if open_:
-        ways = [(Q[i], spaces[i].u, spaces[i].kernel) for i in open_]
-        for i, critical in zip(open_, _critical_along(arm, ways), strict=True):
-            kinds[i] = "boundary" if critical else UNDECIDED
-    return kinds
+def _decided(arm: Arm, spaces: Sequence[_Spaces]) -> list[Kind]:
+    """The kinds; what has to be followed for a way is followed all at once."""
+    ways = [s.way for s in spaces if s.way is not None]
+    critical = iter(_critical_along(arm, ways) if ways else ())
+    return ["boundary" if s.way is not None and next(critical) else s.kind for s in spaces]
 
 
 def _turned(basis: Array, factors: Array) -> Array:
@@ -183,9 +166,8 @@ def _turned(basis: Array, factors: Array) -> Array:
     return np.asarray(np.linalg.qr(factors[:, None] * basis)[0])
 
 
-def _kind(lost: Array, N: Array, H: Array) -> tuple[Kind | None, Array, Array]:
-    """Kind, or None with the direction and the kernel that it depends on."""
-    none = np.zeros(0)
+def _kind(lost: Array, N: Array, H: Array) -> tuple[Kind, tuple[Array, Array] | None]:
+    """Kind; if undecided perhaps with the direction and the kernel that it depends on."""
     B = np.tensordot(lost, H, (0, 0))  # [a, i, j]
     tol = ZERO * float(np.abs(H).max())
     Q = N.T @ B @ N
@@ -193,44 +175,34 @@ def _kind(lost: Array, N: Array, H: Array) -> tuple[Kind | None, Array, Array]:
     if np.abs(Q).max() <= tol:
         # No second order at all: every lost u must become attainable along some self-motion.
         reach = np.linalg.svd((B @ N).reshape(len(B), -1), compute_uv=False)
-        return "interior" if reach[-1] > tol else UNDECIDED, none, none
+        return "interior" if reach[-1] > tol else UNDECIDED, None
     best, directions = _most_definite(Q)
-    if best > tol:
-        return "boundary", none, none
-    if best < -tol:
-        return "interior", none, none
+    if abs(best) > tol:
+        return "boundary" if best > 0 else "interior", None
     for u in directions:
         eigenvalues, Z = np.linalg.eigh(np.tensordot(u, Q, 1))
         kernel = N @ Z[:, np.abs(eigenvalues) <= 10 * tol]
         if np.abs(np.tensordot(u, B, 1) @ kernel).max(initial=0.0) <= tol:
-            return None, lost @ u, kernel
-    return "interior", none, none
+            return UNDECIDED, (lost @ u, kernel)
+    return "interior", None
 
 
 def _lost(arm: Arm, q: Array, left: Array, N: Array, H: Array, rank: int) -> Array:
     """Return the part of the left null space (m, m - rank) that generic configurations lack."""
     # It is what a small move makes attainable again: the range of U0^T dJ N over all moves.
-    r, m = generic_rank(arm), len(left)
-    if r == m:
+    r = generic_rank(arm)
+    if r == len(left):
         return left
     moves = np.einsum("ra,rij,ip->apj", left, H, N).reshape(left.shape[1], -1)
     W, size, _ = np.linalg.svd(moves, full_matrices=False)
     count = int((size > ZERO * np.abs(H).max()).sum())
-    if count < r - rank:
-        W, count = _range_nearby(arm, q, left, rank, r), r - rank
+    if count < r - rank:  # a first derivative misses some: what is attainable a little beside q
+        scale, count = own_scale(arm), r - rank
+        move = np.random.default_rng(SEED).standard_normal(arm.n)
+        beside = q + 1e-3 * move / np.linalg.norm(move) * scale.columns
+        U, _, _ = np.linalg.svd(scale.apply(arm, frame_jacobian(arm, beside), beside))
+        W, _, _ = np.linalg.svd(left.T @ U[:, rank:r], full_matrices=False)
     return np.asarray(left @ W[:, :count])
-
-
-def _range_nearby(arm: Arm, q: Array, left: Array, rank: int, r: int) -> Array:
-    """Directions, in the basis ``left``, that are attainable a little beside q."""
-    scale = own_scale(arm)
-    move = np.random.default_rng(SEED).standard_normal(arm.n)
-    # radians or lengths of the arm, for directions that a first derivative misses
-    move *= 1e-3 / np.linalg.norm(move)
-    beside = q + move * scale.columns
-    U, _, _ = np.linalg.svd(scale.apply(arm, frame_jacobian(arm, beside), beside))
-    W, _, _ = np.linalg.svd(left.T @ U[:, rank:r], full_matrices=False)
-    return np.asarray(W)
 
 
 def _most_definite(Q: Array) -> tuple[float, Array]:
@@ -362,15 +334,9 @@ def _compiled(
     arm: Arm, Q: Array, mask: Bool, limits: tuple[Array, Array], max_iterations: int
 ) -> _Ends | None:
     """The walks in the compiled kernel; None where it does not cover the arm."""
-    on, rank = batch(arm), generic_rank(arm)
-    if (
-        on.engine == PINOCCHIO
-        or arm.coupling is not None
-        or arm.task.at_tip
-        or not engine.walks_covered(arm.n, len(arm.task.rows), rank)
-    ):
+    on, rank, metric = batch(arm), generic_rank(arm), own_scale(arm).columns
+    if not _own_kernel(arm) or not engine.walks_covered(arm.n, len(arm.task.rows), rank):
         return None
-    metric = own_scale(arm).columns
     ends, iterations, stationary = engine.walks(
         on.own_chain(),
         Q / metric,
@@ -715,9 +681,9 @@ def _describe(arm: Arm, drops: RankDrops) -> tuple[SingularConfiguration, ...]:
     # What is printed of it is at the length scale of the arm, and by its own joint speeds.
     at_scale, sigma = scale_rows(arm, frame_jacobians(arm, Q), Q), singular_values(arm, Q)
     lengths = np.where(np.array(arm.task.rows) < 3, arm.length_scale, 1.0)
-    spaces = [_spaces(arm, *row) for row in zip(Q, J, H, strict=True)]
+    spaces = [_Spaces(arm, *row) for row in zip(Q, J, H, strict=True)]
     found = []
-    for i, (space, kind) in enumerate(zip(spaces, _decided(arm, Q, spaces), strict=True)):
+    for i, (space, kind) in enumerate(zip(spaces, _decided(arm, spaces), strict=True)):
         lost = _turned(space.lost, scale.rows * lengths)
         least = np.linalg.norm(at_scale[i].T @ lost, axis=0).max(initial=0.0)
         found.append(
