@@ -24,6 +24,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -194,12 +195,8 @@ class Leaves:
 
     def with_more(self, more: Leaves) -> Leaves:
         """These and others."""
-        return Leaves(
-            np.concatenate([self.level, more.level]),
-            np.concatenate([self.index, more.index]),
-            np.concatenate([self.sign, more.sign]),
-            np.concatenate([self.regular, more.regular]),
-        )
+        names = ("level", "index", "sign", "regular")
+        return Leaves(*(np.concatenate([getattr(self, k), getattr(more, k)]) for k in names))
 
 
 def is_regular(
@@ -209,17 +206,16 @@ def is_regular(
     if len(open_) > ground.d:
         return np.zeros(len(x), dtype=bool)
     good = np.ones(len(x), dtype=bool)
-    for bits in range(1 << len(open_)):
-        s = [1.0 if bits >> i & 1 else -1.0 for i in range(len(open_))]
-        grows = np.zeros(len(x), dtype=bool)
-        for direction in (_together, _by_gradient):
-            left = np.flatnonzero(good & ~grows)
+    for s in product((-1.0, 1.0), repeat=len(open_)):
+        grows = ~good
+        for together in (True, False):
+            left = np.flatnonzero(~grows)
             if not len(left):
                 break
             here = [k.take(left) for k in known]
-            v = direction(ground, here, open_, s, x[left], side[left])
+            v = _direction(ground, here, open_, s, x[left], side[left], together)
             grows[left] = _grows(ground, here, open_, s, x[left], h[left], v)
-        left = np.flatnonzero(good & ~grows)
+        left = np.flatnonzero(~grows)
         if len(left) and len(ground.terms) == 1:
             grows[left] = _bends(ground, s[0], x[left], h[left], side[left])
         good &= grows
@@ -251,46 +247,27 @@ def _grows(
     return np.asarray(sure & (growth > 0))
 
 
-def _inward(v: Array, side: Array, free: Array) -> tuple[Array, Array, bool]:
-    """Directions without what leads out of a limit, and the joints that are left."""
-    outward = np.where(np.isnan(side), v != 0, side * v < 0)
-    return np.where(outward, 0.0, v), np.where(outward, 0.0, free), bool(outward.any())
-
-
-def _together(
+def _direction(
     ground: Ground,
     known: Sequence[OnBoxes],
     open_: Sequence[int],
     s: Sequence[float],
     x: Array,
     side: Array,
+    together: bool,
 ) -> Array:
-    """Directions in which every term of the only open equation grows; else `_by_gradient`."""
-    terms = ground.terms[open_[0]]
-    if len(open_) > 1 or len(terms.slides):
-        return _by_gradient(ground, known, open_, s, x, side)
-    free = np.ones(side.shape) * ground.scale
-    for _ in range(3):
-        v, free, changed = _inward(s[0] * growth_steps(terms, x, free), side, free)
-        if not changed:
-            break
-    return v
+    """Directions in which all open s f grow to first order, none of them out of a limit.
 
-
-def _by_gradient(
-    ground: Ground,
-    known: Sequence[OnBoxes],
-    open_: Sequence[int],
-    s: Sequence[float],
-    x: Array,
-    side: Array,
-) -> Array:
-    """Directions in which all open s f grow to first order, none of them out of a limit."""
+    Those in which every term grows, if ``together``, and there is one equation without slides.
+    """
+    terms, free = ground.terms[open_[0]], np.ones(side.shape) * ground.scale
+    together &= len(open_) == 1 and not len(terms.slides)
     A = np.stack([known[i].gradient for i in open_], axis=1)  # (K, u, d)
-    free = np.ones(side.shape) * ground.scale
     for _ in range(3):
         B = A * free[:, None, :]
-        if len(s) == 1:
+        if together:
+            v = s[0] * growth_steps(terms, x, free)
+        elif len(s) == 1:
             v = s[0] * B[:, 0] * free
         else:
             gram = B @ B.transpose(0, 2, 1)
@@ -299,8 +276,9 @@ def _by_gradient(
             size = np.sqrt(np.einsum("kii->ki", gram))
             weight = np.linalg.solve(gram, (np.array(s) * size)[..., None])[..., 0]
             v = np.einsum("kud,ku->kd", B, weight) * free
-        v, free, changed = _inward(v, side, free)
-        if not changed:
+        outward = np.where(np.isnan(side), v != 0, side * v < 0)
+        v, free = np.where(outward, 0.0, v), np.where(outward, 0.0, free)
+        if not outward.any():
             break
     return v
 

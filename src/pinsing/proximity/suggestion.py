@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike, Bool, Ints
+from pinsing._types import Array, ArrayLike, Ints
 from pinsing.algebra.budget import PER_SECOND, Budget
 from pinsing.algebra.nearest import BOXES, SearchOptions, nearest_points
 from pinsing.arguments import MAX_SEED, checked, typed, whole_number
@@ -107,20 +107,15 @@ class Sites:
 class RoomSearch:
     """Searches a room for a point with a large clearance, and for the most there can be.
 
-    ``budget`` is for boxes; ``usable`` tells which of (N, n) may be chosen. ``best`` (n,) is the
-    clearest point so far, weighted, ``lower`` and ``upper`` bound its clearance, and ``most`` that
-    of all points.
+    ``budget`` is for boxes. Where families of ``arm`` are missing, no singular configuration is
+    chosen. ``best`` (n,) is the clearest point so far, weighted, ``lower`` and ``upper`` bound its
+    clearance, and ``most`` that of all points.
     """
 
     def __init__(
-        self,
-        watched: Watched,
-        room: Room,
-        rng: np.random.Generator,
-        budget: Budget,
-        usable: Callable[[Array], Bool],
+        self, arm: Arm, watched: Watched, room: Room, rng: np.random.Generator, budget: Budget
     ) -> None:
-        self.watched, self.room, self.rng, self.usable = watched, room, rng, usable
+        self.arm, self.watched, self.room, self.rng = arm, watched, room, rng
         self.budget = budget
         self.sites = Sites(watched, rng)
         self.best = room.center.copy()
@@ -140,7 +135,9 @@ class RoomSearch:
         found = nearest_points(w.conditions, X / w.weight, w.lower, w.upper, options)
         self.budget.spend(box * float(found.boxes.sum()))
         self.sites.add(found.q * w.weight, found.family)
-        lower = np.where(self.usable(X / w.weight), found.lower, -np.inf)
+        lower = found.lower
+        if not w.complete:
+            lower = np.where(ratios(self.arm, X / w.weight) > NEAR_RTOL, lower, -np.inf)
         k = int(np.argmax(lower))
         if lower[k] > self.lower:
             self.best, self.lower, self.upper = X[k].copy(), float(lower[k]), float(found.upper[k])
@@ -148,25 +145,32 @@ class RoomSearch:
 
     def climb(self) -> None:
         """From many starts uphill on what the sites promise, proving the best."""
-        room, width = self.room, self.room.high - self.room.low
+        room = self.room
         X = room.fit(self.rng.uniform(room.low, room.high, (4096, self.watched.n)))
         promise = np.concatenate([self.sites.within(x) for x in np.array_split(X, 16)])
         X = X[np.argsort(-promise, kind="stable")[:_CLIMBERS]]
         for round_ in range(12):
             if self.budget.over:
                 return
-            promise = self.sites.within(X)
-            size = 0.3 * 0.8**round_
-            for step in range(_STEPS):
-                move = self.rng.normal(size=X.shape) * width * size * 0.85**step
-                tried = room.fit(X + move)
-                there = self.sites.within(tried)
-                better = there > promise
-                X[better], promise[better] = tried[better], there[better]
+            sizes = (0.3 * 0.8**round_ * 0.85**step for step in range(_STEPS))
+            promise = self._uphill(X, self.sites.within, sizes)
             order = np.argsort(-promise, kind="stable")
             if promise[order[0]] <= self.lower + CLOSE:
                 return
             self.prove(X[self._apart(X, order)])
+
+    def _uphill(
+        self, X: Array, worth: Callable[[Array], Array], sizes: Iterable[float], some: bool = False
+    ) -> Array:
+        """Move points X by random steps, shares of the room, to where they are worth more: (N,)."""
+        width, value = self.room.high - self.room.low, worth(X)
+        for size in sizes:
+            moved = self.rng.integers(2, size=X.shape) if some else 1  # some joints at a time
+            tried = self.room.fit(X + moved * self.rng.normal(size=X.shape) * width * size)
+            there = worth(tried)
+            better = there > value
+            X[better], value[better] = tried[better], there[better]
+        return value
 
     def _apart(self, X: Array, order: Ints) -> list[int]:
         """The first few that are not all in one place."""
@@ -216,28 +220,23 @@ class RoomSearch:
         """Farther from the other families too, and to where joints are preferred, at no cost."""
         if not np.isfinite(self.lower) or self.budget.over:
             return
-        enough, width = self.lower - CLOSE, self.room.high - self.room.low
+        enough = self.lower - CLOSE
+
+        def worth(X: Array) -> Array:
+            each = self.sites.each(X)
+            off = np.linalg.norm(X - self.room.center, axis=1)
+            # Of clearance that is given for being nearer to where joints are preferred.
+            return np.where(each.min(axis=1) >= enough, each.sum(axis=1) - 0.05 * off, -np.inf)
+
         X = np.repeat(self.best[None], _CLIMBERS, axis=0)
-        value = self._worth(X, -np.inf)
-        for step in range(3 * _STEPS):
-            scale = 0.5 * 0.93**step
-            one = self.rng.integers(2, size=X.shape)  # some joints at a time
-            tried = self.room.fit(X + one * self.rng.normal(size=X.shape) * width * scale)
-            there = self._worth(tried, enough)
-            better = there > value
-            X[better], value[better] = tried[better], there[better]
+        sizes = (0.5 * 0.93**step for step in range(3 * _STEPS))
+        value = self._uphill(X, worth, sizes, some=True)
         for i in np.argsort(-value, kind="stable")[:_TRIED]:
             kept = self.best, self.lower, self.upper
             self.lower = -np.inf
             if self.prove(X[i][None])[0] >= enough:
                 return
             self.best, self.lower, self.upper = kept
-
-    def _worth(self, X: Array, enough: float) -> Array:
-        each = self.sites.each(X)
-        off = np.linalg.norm(X - self.room.center, axis=1)
-        # Of clearance that is given for being nearer to where joints are preferred.
-        return np.where(each.min(axis=1) >= enough, each.sum(axis=1) - 0.05 * off, -np.inf)
 
 
 REACH = 0.5
@@ -412,12 +411,11 @@ def suggest(
     watched = watch(form_to_measure(arm) if forms is None else forms, families)
     notes: list[str] = []
     room = _room(arm, watched, target, reach, notes)
-    usable = _usable(arm, watched.complete)
     rng = np.random.default_rng(seed)
     most, lower, upper, family = np.inf, np.inf, np.inf, ""
     if watched.families:
         budget = Budget(math.inf, work)
-        search = RoomSearch(watched, room, rng, budget, usable)
+        search = RoomSearch(arm, watched, room, rng, budget)
         if budget.over:
             notes.append(f"the search ended after {budget.allowed}")
         q = _rounded(arm, watched, room, search.best / watched.weight)
@@ -453,13 +451,6 @@ def suggest(
             family, ""
         ),
     )
-
-
-def _usable(arm: Arm, complete: bool) -> Callable[[Array], Bool]:
-    """Which configurations (N, n) may be suggested: where families are missing, no singular one."""
-    if complete:
-        return lambda Q: np.ones(len(Q), dtype=bool)
-    return lambda Q: np.asarray(ratios(arm, Q) > NEAR_RTOL)
 
 
 def _room(arm: Arm, watched: Watched, near: Array | None, reach: float, notes: list[str]) -> Room:
