@@ -134,7 +134,7 @@ class Reader:
         self._arm, self._stated, self._told = arm, degrees, told
         self._called: list[str] | None = None
         self._names: tuple[list[str], ColumnHeads] | None = None
-        self._columns: tuple[ColumnHeads | None, str | None] | None = None
+        self._columns: tuple[ColumnHeads, str | None] | None = None
         self._head: HeadError | None = None
         self._refused: HeadError | None = None
         self._last: tuple[float, Array] | None = None
@@ -217,13 +217,11 @@ class Reader:
         arm, speeds = self._arm, None
         if "position" not in data:
             heads, values = self._heads(list(data)), list(data.values())
-            self._time(data.get("header"), heads, values)
+            self._time(None if heads.time is None else values[heads.time], data, heads, values)
             q = self._values("q", heads, values)
         else:
             names, values = data.get("name", list(arm.joints)), data["position"]
-            self._time(
-                data.get("header"), None, [data.get("t", data.get("time", data.get("timestamp")))]
-            )
+            self._time(data.get("t", data.get("time", data.get("timestamp"))), data)
             lists = isinstance(names, list) and isinstance(values, list)
             ConfigurationError.refuse_if(
                 not lists or len(names) != len(values),
@@ -247,36 +245,39 @@ class Reader:
             )
         return q, speeds
 
-    def _time(self, header: Any, heads: ColumnHeads | None, values: Sequence[Any]) -> None:
-        """Set the time: of its column, the first of values without heads, or of ROS's header."""
-        scale = 1.0 if heads is None else heads.time_scale
-        at = 0 if heads is None else heads.time
-        t = None if at is None else values[at]
-        if t is None and isinstance(header, Mapping):
+    def _time(
+        self,
+        t: Any,
+        data: Mapping[str, Any],
+        heads: ColumnHeads | None = None,
+        values: Sequence[Any] = (),
+    ) -> None:
+        """Set the time: t, as columns of ``values`` have it, or that of ROS's header in data."""
+        parts, header = None, data.get("header")
+        if t is not None and heads is not None:
+            t = number(t, "the time") * heads.time_scale
+            parts = None if heads.parts is None else values[heads.parts]
+        elif t is None and isinstance(header, Mapping):
             t = header.get("stamp")
             if isinstance(t, Mapping):
-                whole, parts = t.get("sec", t.get("secs")), t.get("nanosec", t.get("nsecs", 0))
-                t = number(whole, "the time") + 1e-9 * number(parts, "the time")
+                parts = t.get("nanosec", t.get("nsecs", 0))
+                t = number(t.get("sec", t.get("secs")), "the time")
         if t is not None:
-            t = number(t, "the time") * scale
-            if heads is not None and heads.parts is not None:
-                t += 1e-9 * number(values[heads.parts], "the time")
+            t = number(t, "the time")
+            t += 0.0 if parts is None else 1e-9 * number(parts, "the time")
             require_seconds("the stream", t)
         self.t = t
 
-    def _values(self, what: str, heads: ColumnHeads | None, values: Sequence[Any]) -> Array:
+    def _values(self, what: str, heads: ColumnHeads, values: Sequence[Any]) -> Array:
         """Of the joints, base to tip, from those of columns."""
-        joints = self._arm.joints
-        order = range(len(joints)) if heads is None else heads.order
-        pairs = zip(joints, order, strict=True)
+        arm, angle = self._arm, math.pi / 180 if self._stated else 1.0
+        pairs = zip(arm.joints, heads.order, strict=True)
         q = [number(values[i], f"{what} of joint {j!r}") for j, i in pairs]
-        units = [None] * len(joints) if heads is None else heads.scales
-        angle = math.pi / 180 if self._stated else 1.0
-        given = zip(units, np.where(self._arm.prismatic, 1.0, angle), strict=True)
-        found = np.array([x * (s if u is None else u) for x, (u, s) in zip(q, given, strict=True)])
-        if what == "q" and heads is not None and heads.held:
+        usual = zip(np.where(arm.prismatic, 1.0, angle), heads.scales, strict=True)
+        found = np.array(q) * [u if scale is None else scale for u, scale in usual]
+        if what == "q":
             self._compare(found, heads, values)
-        return found
+        return np.asarray(found)
 
     def _compare(self, q: Array, heads: ColumnHeads, values: Sequence[Any]) -> None:
         """Say which joints without a value in q are elsewhere than the description has them."""
@@ -336,17 +337,16 @@ class Reader:
                 f"the stream: {len(words)} numbers without names for {self._arm.n} joints: "
                 f"begin with a line of names, such as t,{','.join(self._arm.joints)}",
             )
-            self._columns = known = None, separator
-        heads = known[0]
-        width = self._arm.n if heads is None else len(heads.words)
+            numbers = [str(k + 1) for k in range(len(words))]
+            known = ColumnHeads("the stream", self._arm, numbers, numbers, first=words), separator
+        heads, width = known[0], len(known[0].words)
         ConfigurationError.refuse_if(
             len(words) != width, f"cannot read {text:.80}: {width} columns are needed"
         )
-        if heads is not None:
-            if not heads.first or any(words[i].strip(AROUND) != w for i, w in heads.labels.items()):
-                heads = ColumnHeads("the stream", self._arm, heads.words, first=words)
-                self._columns = heads, separator
-            self._time(None, heads, words)
+        if not heads.first or any(words[i].strip(AROUND) != w for i, w in heads.labels.items()):
+            heads = ColumnHeads("the stream", self._arm, heads.words, first=words)
+        self._columns = heads, separator
+        self._time(None if heads.time is None else words[heads.time], {}, heads, words)
         return self._values("q", heads, words), None
 
 

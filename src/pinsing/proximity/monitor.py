@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -206,21 +207,16 @@ class Monitor:
         self._moving = False  # until the first dq was
         self._weight = None if bool((watched.weight == 1).all()) else watched.weight
         self._x, self._v, self._out = np.empty(watched.n), np.empty(watched.n), np.empty(4)
-        self._connect()
         titles = (f.title for f in watched.families)
         self._listed = (*zip(watched.names, titles, strict=True), ("", ""))
 
-    def _connect(self) -> None:
-        # A margin is taken off in Python.
-        self._handle = self._watched.conditions.compiled if self._watched.margin is None else None
-        self._isa = engine.isa_names()[-1] if self._handle is not None else ""
+    @cached_property
+    def _handle(self) -> Any | None:
+        """What judges in the kernel; a margin is taken off in Python."""
+        return self._watched.conditions.compiled if self._watched.margin is None else None
 
     def __getstate__(self) -> dict[str, Any]:
-        return {k: v for k, v in self.__dict__.items() if k not in ("_handle", "_isa")}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._connect()
+        return {k: v for k, v in self.__dict__.items() if k != "_handle"}
 
     def __repr__(self) -> str:
         of = " of the design" * bool(self._watched.tube)
@@ -283,7 +279,7 @@ class Monitor:
             self._take(dq, "dq", velocity)
         if (handle := self._handle) is not None:
             work = self.horizon, NAMING.gap, NAMING.boxes
-            family = handle.watch(self._x, velocity, *work, self._out, self._isa)
+            family = handle.watch(self._x, velocity, *work, self._out, engine.isa_names()[-1])
         else:
             family = self._watch(velocity)
         if family == -2:
