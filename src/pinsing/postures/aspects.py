@@ -27,7 +27,7 @@ from pinsing.postures.partition import Part
 from pinsing.proximity.clearance import quick
 from pinsing.proximity.crossings import check_times, crossings_of, motion_of
 from pinsing.proximity.trajectory import AspectChange
-from pinsing.proximity.watched import Forms, watch
+from pinsing.proximity.watched import Forms, each_of, watch
 from pinsing.robot.arm import Arm, ArmSummary
 from pinsing.robot.nominal import nominal
 from pinsing.serialization import JsonResult
@@ -40,17 +40,17 @@ PROVEN, PROBABLE, NOT_COMPLETE = "proven", "probable", "not complete"
 
 def sureness(forms: Forms) -> str:
     """Return how sure it is that no family is missing: of several forms the least sure."""
-    words = [form.word for form in _each(forms)]
+    words = [form.word for form in each_of(forms)]
     return next((w for w in (NOT_COMPLETE, PROBABLE) if w in words), PROVEN)
 
 
 def missing(forms: Forms) -> list[str]:
     """Return the doubts about completeness, in sentences; empty where there are none."""
-    gaps = [g for form in _each(forms) if not form.complete for g in form.gaps[:1]]
+    gaps = [g for form in each_of(forms) if not form.complete for g in form.gaps[:1]]
     if sureness(forms) == NOT_COMPLETE:
         because = f" ({gaps[0]})" if gaps else ""
         return [f"the closed form is not complete{because}: a family that is missing may cut more"]
-    tried = [form.proof for form in _each(forms) if form.proof and not form.proof.accepted]
+    tried = [form.proof for form in each_of(forms) if form.proof and not form.proof.accepted]
     if tried:
         return [f"that no family is missing is probable: no certificate ({tried[0].reason})"]
     if sureness(forms) == PROBABLE:
@@ -63,20 +63,20 @@ _OF_DESIGN = "aspects are of the design: where two walls meet this robot may pas
 
 def of_design(forms: Forms) -> list[str]:
     """Return what is to be said where the families are of a robot's design; empty elsewhere."""
-    return [_OF_DESIGN] * any(form.tube is not None for form in _each(forms))
+    return [_OF_DESIGN] * any(form.tube is not None for form in each_of(forms))
 
 
 def proven_regular(forms: Forms, path: Array) -> bool:
     """Return True if the rank along a path is proven from the Jacobian, for each form's task."""
     # Given up early where the families are probably all: then it is no more than a second proof.
     most = _PIECES[sureness(forms) == NOT_COMPLETE]
-    arms = [form.loaded for form in _each(forms)]
+    arms = [form.loaded for form in each_of(forms)]
     return all(arm and arm.coupling is None and regular_way(arm, path, most) for arm in arms)
 
 
 def opposite(forms: Forms, a: Array, b: Array) -> bool:
     """Return True if a square Jacobian's determinant differs in sign at a and b: they are apart."""
-    for form in _each(forms):
+    for form in each_of(forms):
         arm = None if form.geometry is None else form.geometry.arm
         if arm is None or arm.coupling is not None or len(arm.task.rows) != arm.n:
             continue
@@ -85,10 +85,6 @@ def opposite(forms: Forms, a: Array, b: Array) -> bool:
         if (sizes[:, -1] > ROUNDING * sizes[:, 0]).all() and np.prod(np.linalg.det(J)) < 0:
             return True
     return False
-
-
-def _each(forms: Forms) -> list[ClosedForm]:
-    return [forms] if isinstance(forms, ClosedForm) else list(forms)
 
 
 def nearly(arm: Arm, least: float) -> list[str]:
@@ -364,7 +360,7 @@ def aspects(forms: Forms, limits: bool = True, *, work: float = WORK) -> Aspects
         lower, upper = lower * low, upper * high
         joints = tuple(chosen.watched.joints[j] for j in part.joints)
         parts.append(PartCount(joints, part.families, low, high))
-    form = forms if isinstance(forms, ClosedForm) else forms[0]
+    form = each_of(forms)[0]
     notes = [*missing(forms), *of_design(forms), *dict.fromkeys(cut.notes)]
     if lower != upper and budget.over:
         notes.append(f"counting ended after {budget.allowed}")
@@ -485,7 +481,7 @@ def aspect_changes(
         not isinstance(forms, ClosedForm) and not len(forms),
         "forms must be a ClosedForm, or several of one arm: see closed_form",
     )
-    arm = forms.arm if isinstance(forms, ClosedForm) else forms[0].arm
+    arm, geometry = each_of(forms)[0].arm, each_of(forms)[0].geometry
     samples = watch(forms).check(Q)
     ConfigurationError.refuse_if(
         samples.ndim != 2 or not len(samples),
@@ -514,7 +510,6 @@ def aspect_changes(
     )
     sides = zip(halfway, begin, until, strict=True)
     numbers = [of.of(q) if b > a else None for q, a, b in sides]
-    geometry = forms.geometry if isinstance(forms, ClosedForm) else forms[0].geometry
     words: list[tuple[str, ...]] = [()] * len(halfway)
     if geometry is not None:
         words = posture_names(geometry, halfway)

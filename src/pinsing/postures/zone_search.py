@@ -497,9 +497,7 @@ class _Search:
                     reached, q = self._climb(k, far, ahead, 0.05, (reached, q))
             self.seen += count
             self.progress(what, min(self.seen - begin, most), most)
-            boxes = _Cells(
-                *map(np.concatenate, zip(*(vars(x).values() for x in made), strict=True))
-            )
+            boxes = _Cells.joined(made)
         proven = max((1 + GAP) * reached, float(boxes.ceiling.max(initial=0.0)))
         return _Answer(proven + ROUNDING if proven else 0.0, reached, q)
 
@@ -518,8 +516,7 @@ class _Search:
         reach: Array = np.sqrt((r * weight) ** 2 @ self.used.T)
         each = two_sided(self.watched.conditions.plain, c, each=True).each
         low, known = each[..., 0], each[..., 1]
-        up, over, steps = self._upper(x)
-        over = np.fmin(over, known + reach)
+        over = self._upper(x, known, reach)[1]
         x.ceiling[:] = np.minimum(np.minimum(x.ceiling, cap), self._objective(k, far, over))
         alive = (x.ceiling > target) & self._may_hold(c, r, np.all(low > reach, axis=1))
         if k is not None:
@@ -532,8 +529,7 @@ class _Search:
             *(y[open_] for y in (low, known, reach, found.center, found.first, found.pull)),
         )
         # Where the lower bounds decide nothing else, closer upper ones do not either.
-        up, over, steps = self._upper(x)
-        up, over = np.fmin(up, known), np.fmin(over, known + reach)
+        up, over, steps = self._upper(x, known, reach)
         least = np.where(self.surfaces, low, up)
         closer = self._objective(k, far, least) < self._objective(k, far, up)
         closer |= self._objective(k, far, least + reach) < x.ceiling
@@ -542,8 +538,7 @@ class _Search:
             near = x[rows]
             look(near)
             x.points[rows], x.slack[rows], x.asked[rows] = near.points, near.slack, near.asked
-            up[rows], over[rows], steps[rows] = self._upper(near)
-            up, over = np.fmin(up, known), np.fmin(over, known + reach)
+            up[rows], over[rows], steps[rows] = self._upper(near, known[rows], reach[rows])
             x.ceiling[:] = np.minimum(x.ceiling, self._objective(k, far, over))
             closer &= x.ceiling > target
         guess = np.where(center > 1, self._objective(k, far, up), -np.inf)
@@ -555,13 +550,19 @@ class _Search:
         both = (x.moved(c, x.R - half)[open_] for c in (x.C - half, x.C + half))
         return _Cells.joined(both), guess[best], x.C[best]
 
-    def _upper(self, x: _Cells) -> tuple[Array, Array, Array]:
-        """Upper bounds (N, F) of distances of centres, and of all of boxes; the ways to points."""
+    def _upper(
+        self, x: _Cells, known: Array | float = np.inf, reach: Array | float = 0.0
+    ) -> tuple[Array, Array, Array]:
+        """Upper bounds (N, F) of distances of centres, and of all of boxes; the ways to points.
+
+        They are at most ``known`` at the centres, and ``reach`` more all over the boxes.
+        """
         weight = self.watched.weight
         steps = np.where(self.used, np.abs(x.points - (x.C * weight)[:, None]), 0.0)
         ends = steps + (x.R * weight)[:, None] * self.used
         way, end = (np.linalg.norm(y, axis=2) for y in (steps, ends))
-        return way + x.slack, (end + x.slack) * (1 + ROUNDING), steps
+        over = np.fmin((end + x.slack) * (1 + ROUNDING), known + reach)
+        return np.fmin(way + x.slack, known), over, steps
 
     def _follow(self, x: _Cells, only: int | None = None, share: float = 0.0) -> None:
         """Step from centres, or from a share of the way to points of a family, to nearer ones."""

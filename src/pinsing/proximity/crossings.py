@@ -8,7 +8,7 @@ are halved.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
@@ -134,18 +134,8 @@ def _polynomial(watched: Watched, motion: Any) -> Motion:
 _SHORT = 2e-7
 
 
-def contacts(
-    watched: Watched, thin: Mapping[int, Sequence[Branch]], motion: Motion
-) -> list[tuple[int, float, float]]:
-    """Families of branches ``thin``, and from where to where the motion is on them."""
-    out: list[tuple[int, float, float]] = []
-    for f, branches in thin.items():
-        conditions = Conditions.of([list(branches)], watched.prismatic, watched.weight)
-        out += [(f, u, end) for u, end in _of_family(conditions, motion)]
-    return out
-
-
-def _of_family(c: Conditions, motion: Motion) -> list[tuple[float, float]]:
+def _contacts(c: Conditions, motion: Motion) -> list[tuple[float, float]]:
+    """From where to where a motion is on a family of several conditions."""
     u = np.arange(len(motion.pieces) + 1.0)
     least = two_sided(c, motion.at(u)).lower
     while True:
@@ -302,7 +292,9 @@ def crossings_of(watched: Watched, motion: Motion) -> Crossings:
     """All meetings of a motion with watched families."""
     surfaces, of_equation, thin = _split(watched)
     found = _on_surfaces(surfaces, of_equation, motion)
-    found += [(u, end, f, "touch") for f, u, end in contacts(watched, thin, motion)]
+    for f, branches in thin.items():
+        conditions = Conditions.of([branches], watched.prismatic, watched.weight)
+        found += [(u, end, f, "touch") for u, end in _contacts(conditions, motion)]
     found.sort(key=lambda item: item[:3])
     events = []
     if found:

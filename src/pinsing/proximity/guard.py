@@ -20,11 +20,11 @@ from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.trig_sum import COMBINED
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
-from pinsing.families import ClosedForm, Family, closed_form
+from pinsing.families import Family, closed_form
 from pinsing.kinematics.verdict import fingerprint
 from pinsing.measures import ROUNDING
 from pinsing.prose import visible
-from pinsing.proximity.watched import Forms, every_name, require_forms_of, watch
+from pinsing.proximity.watched import Forms, each_of, every_name, require_forms_of, watch
 from pinsing.proximity.zones import Zones, zone_distances
 from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.nominal import nominal
@@ -388,7 +388,7 @@ def make_guard(
     forms = closed_form(arm) if forms is None else forms
     all_of_them = every_name(forms)
     watched = watch(forms, all_of_them if families is None else families)
-    every = [forms] if isinstance(forms, ClosedForm) else list(forms)
+    every = each_of(forms)
     notes: list[str] = []
     if not watched.complete:
         gaps = "; ".join(dict.fromkeys(gap for form in every for gap in form.gaps))

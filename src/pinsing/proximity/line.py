@@ -408,7 +408,8 @@ def check_line(
     watched = watch(forms)
     watched.require_angle(near, "near")
     line = Line.to(arm, q, read_pose(pose))
-    longest, away = span(arm), _from_joint_1(arm, line)
+    longest, root = span(arm), arm.model.jointPlacements[1].translation
+    away = float(np.linalg.norm(line.start + line.along - np.array(root)))
     if longest is not None and 50 * longest < away < 1e3 * longest:
         meant = ",".join(f"{x / 1e3:.6g}" for x in line.start + line.along)
         raise ConfigurationError(
@@ -452,7 +453,7 @@ def check_line(
         allowed_speed=allowed,
         s=s,
         q=tracked.q,
-        notes=_notes(arm, line, tracked, outcome, watched.gaps),
+        notes=_notes(arm, tracked, outcome, watched.gaps, away, longest),
         tube=watched.tube,
     )
 
@@ -503,18 +504,10 @@ def _edge(s: Array, allowed: Array, i: int, side: int, speed: float) -> float:
     return float(s[k] + min(max(share, 0.0), 1.0) * (s[i] - s[k]))
 
 
-def _from_joint_1(arm: Arm, line: Line) -> float:
-    """Metres from joint 1 to the end of the line."""
-    root = arm.model.jointPlacements[1].translation
-    return float(np.linalg.norm(line.start + line.along - np.array(root)))
-
-
 def _notes(
-    arm: Arm, line: Line, tracked: Tracked, outcome: str, gaps: list[str]
+    arm: Arm, tracked: Tracked, outcome: str, gaps: list[str], away: float, longest: float | None
 ) -> tuple[str, ...]:
     notes = []
-    longest = span(arm)
-    away = _from_joint_1(arm, line)
     if outcome != "reached" and longest is not None and away > longest + 1e-9:
         notes.append(
             f"the target is out of reach in any posture: it is {away:.4g} m from joint 1, and the "

@@ -31,6 +31,11 @@ _MADE: WeakKeyDictionary[ClosedForm, Watched] = WeakKeyDictionary()
 """All families of a closed form, made once."""
 
 
+def each_of(forms: Forms) -> list[ClosedForm]:
+    """Return the forms, one or several."""
+    return [forms] if isinstance(forms, ClosedForm) else list(forms)
+
+
 def titled(family: str, title: str) -> str:
     """Return ``wrist (F2)``, or ``F2``."""
     return f"{title} ({family})" if title else family
@@ -169,11 +174,9 @@ def watch(
     """Choose families of one arm's forms by name or title, by default all that have real points."""
     # ``weights`` (n,) replace 1 for revolute joints and 1 / length scale for prismatic ones.
     plain = isinstance(forms, ClosedForm) and families is None and weights is None
-    if plain and norm == "euclidean":
-        found = _MADE.get(forms)  # type: ignore[arg-type]
-        if found is not None:
-            return found
-    every = [forms] if isinstance(forms, ClosedForm) else list(forms)
+    if plain and norm == "euclidean" and (found := _MADE.get(forms)):  # type: ignore[arg-type]
+        return found
+    every = each_of(forms)
     OptionError.refuse_if(
         not every or not all(isinstance(f, ClosedForm) for f in every),
         "forms must be a ClosedForm, or several of one arm: see closed_form",
@@ -268,7 +271,7 @@ def _named(forms: Sequence[ClosedForm]) -> dict[str, Family]:
 
 def every_name(forms: Forms) -> list[str] | None:
     """Names of all families, those without a known real point included; None if forms are none."""
-    every = [forms] if isinstance(forms, ClosedForm) else list(forms)
+    every = each_of(forms)
     if not every or not all(isinstance(form, ClosedForm) for form in every):
         return None  # `watch` says what is wrong
     return list(_named(every))
@@ -277,7 +280,7 @@ def every_name(forms: Forms) -> list[str] | None:
 def require_forms_of(forms: Forms, arm: Arm) -> None:
     """Raise OptionError if forms are of another arm: joints, base, tip or limits differ."""
     here = summarize(arm)
-    for form in [forms] if isinstance(forms, ClosedForm) else list(forms):
+    for form in each_of(forms):
         if not isinstance(form, ClosedForm):
             continue  # `watch` says what is wrong
         there = form.arm
