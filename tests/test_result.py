@@ -224,9 +224,12 @@ def _results() -> dict[str, Any]:
     planar, ur5 = pinsing.load("planar3r", task="vx,vy,wz"), pinsing.load("ur5")
     form, q, r = pinsing.closed_form(ur5), [0.1, -1.2, 1.3, -1.0, 0.5, 0.0], [0.1, 0.9, 0.7]
     over = [q, [0.1, -1.2, 1.3, -1.0, -0.5, 0.0]]
+    folded = pinsing.load("iiwa14"), [0.1, 0.7, 0.3, 0, 0.4, 0.5, 0.6]
     short = pinsing.closed_form(planar)
     return {
         "at": pinsing.at(ur5, q),
+        "at, singular": pinsing.at(*folded),
+        "at, singular twice": pinsing.at(pinsing.load("stanford"), [0] * 6),
         "closed_form": form,
         "clearance": pinsing.clearance(form, q),
         "distance": form["wrist"].distance(q),

@@ -5,37 +5,30 @@ import pytest
 from command_line import run
 from singular_sets import check_all
 from tiers import tiered_rows
+from urdf_text import J, frame, urdf
 
 from pinsing.algebra.mimic import NotFollowed, drives
 from pinsing.families import closed_form
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
 
-JOINT = """<joint name="j{i}" type="{kind}"><parent link="l{p}"/><child link="l{i}"/>
-<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>
-<limit lower="-3" upper="3" effort="1" velocity="1"/>{mimic}</joint>"""
-
-
 Z = "0 0 1"
 
 
-def robot(folder, joints, task="pose"):
+def robot(joints, task="pose"):
     """Joints (kind, axis, xyz, rpy, mimic) from base to tip, with a tool at the end."""
-    body = ['<link name="l0"/>']
-    for i, (kind, axis, xyz, rpy, mimic) in enumerate(joints, 1):
-        body.append(f'<link name="l{i}"/>')
-        body.append(JOINT.format(i=i, p=i - 1, kind=kind, axis=axis, xyz=xyz, rpy=rpy, mimic=mimic))
-    body.append('<link name="tool"/><joint name="tool" type="fixed"><child link="tool"/>')
-    body.append(f'<parent link="l{len(joints)}"/><origin xyz="0.3 0 0"/></joint>')
-    path = folder / "coupled.urdf"
-    path.write_text(f'<robot name="coupled">{"".join(body)}</robot>')
-    return load(path, tip="tool", task=task)
+    made = []
+    for i, (kind, *numbers, mimic) in enumerate(joints, 1):
+        axis, xyz, rpy = (np.array(text.split(), dtype=float) for text in numbers)
+        made.append(J(f"j{i}", f"l{i - 1}", f"l{i}", xyz, axis, kind, (-3, 3), rpy, mimic))
+    made.append(frame("tool", f"l{len(joints)}", (0.3, 0, 0)))
+    return load(urdf(made, "coupled"), tip="tool", task=task)
 
 
-def finger(folder, last="revolute", mimic=""):
+def finger(last="revolute", mimic=""):
     """Three parallel axes of which the last may follow; its position."""
     first, second = ("revolute", Z, "0 0 0", "0 0 0", ""), ("revolute", Z, "0.5 0 0", "0 0 0", "")
-    return robot(folder, [first, second, (last, Z, "0.4 0 0", "0 0 0", mimic)], "position")
+    return robot([first, second, (last, Z, "0.4 0 0", "0 0 0", mimic)], "position")
 
 
 def follows(leader, multiplier, offset=0.0):
@@ -49,9 +42,9 @@ FOLLOWING = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("multiplier", "offset"), tiered_rows(FOLLOWING, FOLLOWING[1:5:3]))
-def test_a_planar_finger(tmp_path, multiplier, offset):
+def test_a_planar_finger(multiplier, offset):
     """The last of three parallel axes is a multiple of the second."""
-    arm = finger(tmp_path, mimic=follows(2, multiplier, offset))
+    arm = finger(mimic=follows(2, multiplier, offset))
     assert arm.n == 2
     form = closed_form(arm)
     on = check_all(arm, form)
@@ -71,10 +64,9 @@ def test_a_planar_finger(tmp_path, multiplier, offset):
 
 
 @pytest.mark.slow
-def test_a_wrist_that_is_driven_from_the_elbow(tmp_path):
+def test_a_wrist_that_is_driven_from_the_elbow():
     """Axes in space, a placement that turns about the axis, and an offset of a quarter turn."""
     arm = robot(
-        tmp_path,
         [
             ("revolute", "0 0 1", "0 0 0.3", "0 0 0.4", ""),
             ("revolute", "0 1 0", "0 0 0", "0 0 0", ""),
@@ -88,9 +80,8 @@ def test_a_wrist_that_is_driven_from_the_elbow(tmp_path):
     assert check_all(arm, closed_form(arm)) > 20
 
 
-def test_two_slides_that_open_together(tmp_path):
+def test_two_slides_that_open_together():
     arm = robot(
-        tmp_path,
         [
             ("revolute", "0 0 1", "0 0 0", "0 0 0", ""),
             ("prismatic", "1 0 0", "0.2 0 0", "0 0 0", ""),
@@ -116,8 +107,8 @@ def test_two_slides_that_open_together(tmp_path):
         ("prismatic", follows(2, 0.5), "slides with a turn"),
     ],
 )
-def test_what_is_not_followed_is_said(tmp_path, kind, mimic, said):
-    arm = finger(tmp_path, kind, mimic)
+def test_what_is_not_followed_is_said(kind, mimic, said):
+    arm = finger(kind, mimic)
     form = closed_form(arm)
     assert (form.complete, form.families) == (False, ())
     for words in ("j3", said.rstrip("$"), "`pinsing analyze`"):
@@ -127,10 +118,10 @@ def test_what_is_not_followed_is_said(tmp_path, kind, mimic, said):
 
 
 @pytest.mark.parametrize("angle", [np.pi / 3, 1.0])
-def test_an_offset_is_exact_or_said(tmp_path, angle):
+def test_an_offset_is_exact_or_said(angle):
     first = ("revolute", Z, "0 0 0", "0 0 0", "")
     second = ("revolute", Z, "0.5 0 0", "0 0 0", follows(1, 1, angle))
-    (_, drive), snaps = drives(nominal(robot(tmp_path, [first, second], task="position")))
+    (_, drive), snaps = drives(nominal(robot([first, second], task="position")))
     assert [float(x) for x in drive.turn] == pytest.approx(
         [np.cos(angle), np.sin(angle)], abs=1e-11
     )
@@ -150,7 +141,7 @@ def test_a_gripper_of_pr2_with_its_arm():
 
 
 def test_a_trajectory_across_a_family_gets_its_verdict(tmp_path):
-    finger(tmp_path, mimic=follows(2, 1))
+    (tmp_path / "coupled.urdf").write_text(finger(mimic=follows(2, 1)).source.xml)
     (tmp_path / "a.csv").write_text("j1,j2\n0,-0.5\n0,0.5\n")
     arm, path = str(tmp_path / "coupled.urdf"), str(tmp_path / "a.csv")
     done = run("check", arm, path, "--tip", "tool", "--task", "vx,vy")

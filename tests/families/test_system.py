@@ -173,7 +173,7 @@ def test_several_systems_for_msolve_are_told_apart_by_a_number(forms):
     assert sorted(sympy.solve(which, k)) == list(range(1, len(systems) + 1))
 
 
-def test_joints_turned_about_their_axes_are_said_to_be(tmp_path):
+def test_joints_turned_about_their_axes_are_said_to_be():
     turns = [(0.0, 0.0), (0.3, 0.5), (np.pi / 2, 0.4), (0.2, 0.3)]
     places = [
         place((x, 0.1 * i, 0), pin.utils.rotate("z", turn)) for i, (turn, x) in enumerate(turns)
@@ -185,13 +185,13 @@ def test_joints_turned_about_their_axes_are_said_to_be(tmp_path):
     assert re.search(r"cos\(q\d [+-] 0\.\d+\)", form.system())
 
 
-def test_half_angles_followers_and_square_roots(tmp_path):
+def test_half_angles_followers_and_square_roots():
     form = pinsing.closed_form(planar((0.5, 0.4, 0.3)))
     agree(form)
     (family,) = form.families
     assert read(form.system(), "singular")[1]["F1"][:2] == list(sympy.symbols("s2 s3"))
     assert family.codimension == 2
-    form = pinsing.closed_form(finger(tmp_path, mimic=follows(2, 2, 0.3)).with_task("vx,vy"))
+    form = pinsing.closed_form(finger(mimic=follows(2, 2, 0.3)).with_task("vx,vy"))
     assert form.families
     agree(form)
     form = pinsing.closed_form(arm_of(HOLLOW))

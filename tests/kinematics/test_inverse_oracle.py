@@ -6,6 +6,7 @@ import itertools
 import dh_arms
 import numpy as np
 import pytest
+from dh_reference import row_matrix
 from tiers import tiered_rows
 
 import pinsing
@@ -87,10 +88,7 @@ CRX = tuple((d, a, alpha) for alpha, a, d, *_ in dh_arms.CRX)
 
 
 def dh(theta, d, a, alpha):
-    c, s, ca, sa = np.cos(theta), np.sin(theta), np.cos(alpha), np.sin(alpha)
-    return np.array(
-        [[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]]
-    )
+    return row_matrix("standard", alpha, a, d, theta)
 
 
 def placed(rows, q):

@@ -9,8 +9,7 @@ from arms import pinocchio_jacobian
 from hypothesis import given, strategies as st
 
 import pinsing
-from pinsing.errors import ResultError
-from pinsing.kinematics.at import State, _short, at
+from pinsing.kinematics.at import _short, at
 from pinsing.kinematics.lost_motion import JointAxes, Tool, lost_motions
 from pinsing.kinematics.refine import refine
 from pinsing.robot.arm import Arm
@@ -220,17 +219,6 @@ def test_limits_are_the_same_for_all():
     assert {e.joint for e in check.outside} == {arm.joints[0]}
     line = pinsing.check_line(arm, q, at(arm, q).tip_position + 0.01, forms=form)
     assert any(arm.joints[0] in note for note in line.notes)
-
-
-@pytest.mark.parametrize(("name", "q", "task"), SINGULAR_Q[:6])
-def test_json_both_ways(name, q, task):
-    state = at(arm_of(name, task), q)
-    again = State.from_json(state.to_json())
-    assert again.to_dict() == state.to_dict()
-    assert str(again) == str(state)
-    assert state.to_dict()["schema"] == "pinsing/state/1"
-    with pytest.raises(ResultError):
-        State.from_json(state.to_json().replace("state/1", "state/99"))
 
 
 unit = st.floats(-1, 1, allow_nan=False)

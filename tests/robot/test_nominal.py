@@ -8,10 +8,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from arms import CATALOGUE, draw, place
+from batch_cases import reference_jacobian
 from hypothesis import given, strategies as st
 from tiers import sampled, tiered_rows
 from urdf_text import J, Y, urdf
 
+from pinsing._types import Chain
 from pinsing.kinematics.jacobian import frame_jacobian, frame_jacobians, tip_placement
 from pinsing.kinematics.verdict import generic_rank
 from pinsing.robot.arm import Arm
@@ -32,32 +34,9 @@ def rational_jacobian(exact: Nominal, q: np.ndarray) -> np.ndarray:
     """Geometric Jacobian of the rational chain, by homogeneous matrices and cross products."""
     coupling = exact.arm.coupling
     values = q if coupling is None else coupling.matrix @ q + coupling.offset
-    T, axes, points = np.eye(4), [], []
-    for i, sliding in enumerate(exact.prismatic):
-        T = T @ constant(exact, i)
-        axes.append(T[:3, 2])
-        points.append(T[:3, 3])
-        M = np.eye(4)
-        value = values[i] + exact.offset[i]
-        if sliding:
-            M[2, 3] = value
-        else:
-            c, s = math.cos(value), math.sin(value)
-            M[:2, :2] = [[c, -s], [s, c]]
-        T = T @ M
-    T = T @ constant(exact, len(exact.prismatic))
-    columns = []
-    for sliding, z, p in zip(exact.prismatic, axes, points, strict=True):
-        columns.append([*z, 0, 0, 0] if sliding else [*np.cross(z, T[:3, 3] - p), *z])
-    J = np.array(columns).T
+    R, t = (np.array(x, dtype=float) for x in (exact.rotation, exact.translation))
+    J = reference_jacobian(Chain(R, t, np.array(exact.prismatic)), values + exact.offset)
     return J if coupling is None else J @ coupling.matrix
-
-
-def constant(exact: Nominal, i: int) -> np.ndarray:
-    C = np.eye(4)
-    C[:3, :3] = [[float(x) for x in row] for row in exact.rotation[i]]
-    C[:3, 3] = [float(x) for x in exact.translation[i]]
-    return C
 
 
 def check(arm: Arm, exact: Nominal, Q: np.ndarray) -> float:

@@ -8,17 +8,12 @@ import pinocchio as pin
 import pytest
 from tiers import sampled, tiered
 
-from pinsing.errors import OptionError, ResultError
+from pinsing.errors import OptionError
 from pinsing.families import closed_form
 from pinsing.robot.load import load
-from pinsing.sampling.analyze import Analysis, analyze
+from pinsing.sampling.analyze import analyze
 
 ARMS = ("stanford", "surgical7", "puma560", "scara", "planar3r", "iiwa14", "ur5", "so101", "z1")
-
-
-@pytest.fixture(scope="module")
-def stanford() -> Analysis:
-    return analyze(load("stanford"))
 
 
 @pytest.mark.parametrize(
@@ -33,16 +28,6 @@ def test_all_three_agree(name):
     assert found.random_search.on_family == found.random_search.singular > 0
     assert all(c.samples > 0 and c.nominal_ratio <= 1e-9 for c in found.checks)
     assert [c.family for c in found.checks] == [f.name for f in found.families]
-
-
-def test_reads_back_from_json(stanford):
-    again = Analysis.from_json(stanford.to_json())
-    assert str(again) == str(stanford)
-    assert again.sweep is None
-    q = np.array([0.3, 0.5, 0.2, 0.1, 0.02, 0.4])
-    assert again.families[2].distance(q).value == pytest.approx(0.02)
-    with pytest.raises(ResultError, match=r"pinsing/analysis/1"):
-        Analysis.from_json('{"schema": "pinsing/state/1"}')
 
 
 def test_a_missing_family_is_reported(monkeypatch):
