@@ -8,7 +8,6 @@ joint in every message, and what is not kinematics is mended or left out with a 
 from __future__ import annotations
 
 import difflib
-from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -81,55 +80,33 @@ def check_tree(
                 node,
             )
         parent_joint[joint.child] = joint
-    return _check_reach(links, joints, nodes, parent_joint, source)
-
-
-def _check_reach(
-    links: Sequence[str],
-    joints: Sequence[JointEntry],
-    nodes: Sequence[Node],
-    parent_joint: dict[str, JointEntry],
-    source: UrdfSource,
-) -> str:
+    depth: dict[str, int] = {}
+    for link in links:
+        above = [link]
+        while above[-1] in parent_joint and above[-1] not in depth:
+            above.append(parent_joint[above[-1]].parent)
+            if (last := above[-1]) in above[:-1]:
+                loop = [parent_joint[name] for name in reversed(above[above.index(last) : -1])]
+                named = ", ".join(show(j.name) for j in loop[:6]) + ", ..." * bool(loop[6:])
+                raise source.error(
+                    f"joints {named} form a loop: a URDF is a tree, so take one out (a closed loop "
+                    "is declared in a loop file beside it)",
+                    nodes[joints.index(loop[0])],
+                )
+        start = depth.get(above[-1], 0)
+        depth |= {name: start + k for k, name in enumerate(reversed(above))}
     roots = [link for link in links if link not in parent_joint]
-    children = defaultdict(list)
-    for joint in joints:
-        children[joint.parent].append(joint.child)
-    depth = dict.fromkeys(roots[:1], 0)
-    queue = roots[:]
-    for link in queue:
-        for child in children[link]:
-            depth[child] = depth.get(link, 0) + 1
-            queue.append(child)
-    if len(queue) < len(links):
-        reached = set(queue)
-        loop = _loop(next(link for link in links if link not in reached), parent_joint)
-        named = ", ".join(show(joint.name) for joint in loop[:6]) + (", ..." if loop[6:] else "")
-        raise source.error(
-            f"joints {named} form a loop: a URDF is a tree, so take one out (a closed loop is "
-            "declared in a loop file beside it)",
-            nodes[joints.index(loop[0])],
-        )
-    if len(roots) > 1:
-        named = ", ".join(show(link) for link in roots[:5]) + (", ..." if roots[5:] else "")
-        raise source.error(
-            f"{len(roots)} links have no parent ({named}): a URDF has one root, so join the others "
-            "to it by joints, or remove them"
-        )
+    named = ", ".join(show(link) for link in roots[:5]) + ", ..." * bool(roots[5:])
+    source.refuse_if(
+        len(roots) > 1,
+        f"{len(roots)} links have no parent ({named}): a URDF has one root, so join the others "
+        "to it by joints, or remove them",
+    )
     source.refuse_if(
         max(depth.values()) > MAX_DEPTH,
         f"{max(depth.values())} joints in a row: at most {MAX_DEPTH} are supported",
     )
     return roots[0]
-
-
-def _loop(link: str, parent_joint: dict[str, JointEntry]) -> list[JointEntry]:
-    """Return the joints of the loop above a link that no root reaches."""
-    seen: list[str] = []
-    while link not in seen:
-        seen.append(link)
-        link = parent_joint[link].parent
-    return [parent_joint[name] for name in reversed(seen[seen.index(link) :])]
 
 
 _TEXT = Path("URDF text")  # what messages call text that came without a file

@@ -15,6 +15,8 @@ from typing import Literal, cast, get_args
 from pinsing.description.xml_tree import (
     LARGEST,
     LARGEST_INERTIA,
+    NUMBERS,
+    SOLIDS,
     Node,
     UrdfSource,
     show,
@@ -24,6 +26,7 @@ from pinsing.errors import RobotFileError
 
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
 KINDS: tuple[str, ...] = get_args(JointKind)
+_FOLLOWED = ("revolute", "continuous", "prismatic")
 _LARGEST_EVER = 1e100
 
 
@@ -167,11 +170,7 @@ def _limit(
         if not bounded:
             return entry, []
         return _without_limits(source, entry, "has no <limit>")
-    values = {
-        bound: source.numbers(element, bound, 1, what, _LARGEST_EVER)[0]
-        for bound in ("lower", "upper")
-        if bound in element.attributes
-    }
+    values = {k: v[0] for k, v in source.values(element, what, _LARGEST_EVER).items()}
     clean = Node("limit", _effort_and_velocity(element, source, what, entry.name), 0)
     if not bounded:
         if values:
@@ -223,77 +222,58 @@ def _dynamics(node: Node, source: UrdfSource, what: str, name: str) -> list[Node
     """Return the <dynamics> if it is sound; kinematics does not need it."""
     if (element := node.first("dynamics")) is None:
         return []
-    kept = {k: v for k, v in element.attributes.items() if k in ("damping", "friction")}
-    clean = Node("dynamics", kept, element.line)
+    clean = _only_numbers(element)
     try:
-        for attribute in kept:
-            source.numbers(clean, attribute, 1, what, _LARGEST_EVER)
+        source.values(clean, what, _LARGEST_EVER)
     except RobotFileError:
         source.note("unreadable <dynamics> left out (not needed here) in joint", show(name))
         return []
-    return [clean] if kept else []
+    return [clean] if clean.attributes else []
+
+
+def _only_numbers(node: Node) -> Node:
+    """A copy of an element with the attributes of `NUMBERS`."""
+    kept = {k: v for k, v in node.attributes.items() if k in NUMBERS[node.tag]}
+    return Node(node.tag, kept, node.line)
 
 
 def _mimic(element: Node, source: UrdfSource, what: str) -> Mimic:
-    values = {"multiplier": 1.0, "offset": 0.0}
-    given = [attribute for attribute in values if attribute in element.attributes]
-    values |= {attribute: source.numbers(element, attribute, 1, what)[0] for attribute in given}
-    return Mimic(source.attribute(element, "joint", what), **values)
+    values = {"multiplier": (1.0,), "offset": (0.0,)} | source.values(element, what)
+    leader = source.attribute(element, "joint", what)
+    return Mimic(leader, values["multiplier"][0], values["offset"][0])
 
 
 def check_mimics(
     entries: Sequence[JointEntry], elements: Sequence[Node], source: UrdfSource
 ) -> tuple[JointEntry, ...]:
     """Return the entries with every mimic resolved."""
-    # One that follows an unknown or immovable joint keeps a ``problem`` and loses its mimic (two of
-    # the robots in example-robot-data have such fingers).
+    # One that follows an unknown or immovable joint keeps a ``problem`` and loses its mimic.
     by_name = {entry.name: entry for entry in entries}
+    leader = {entry.name: entry.mimic.joint for entry in entries if entry.mimic is not None}
     resolved = []
     for entry, element in zip(entries, elements, strict=True):
-        if entry.mimic is not None:
-            leader = by_name.get(entry.mimic.joint)
-            seen = [entry.name]
-            while leader is not None and leader.name not in seen:
-                seen.append(leader.name)
-                leader = by_name.get(leader.mimic.joint) if leader.mimic is not None else None
-            if leader is not None:
-                path = " follows ".join(show(n) for n in [*seen, leader.name])
-                raise source.error(f"<mimic> without end: joint {path}", element)
-            entry = _check_leader(entry, by_name, element, source)
-        resolved.append(entry)
-    return tuple(resolved)
-
-
-def _check_leader(
-    entry: JointEntry, by_name: dict[str, JointEntry], element: Node, source: UrdfSource
-) -> JointEntry:
-    assert entry.mimic is not None
-    leader = by_name.get(entry.mimic.joint)
-    if leader is not None and leader.kind in ("revolute", "continuous", "prismatic"):
-        return entry
-    names = list(by_name) if len(by_name) <= 500 else []
-    close = difflib.get_close_matches(entry.mimic.joint[:60], names, n=1)
-    reason = (
-        f"mimics joint {show(entry.mimic.joint)}, which "
-        + ("does not exist" if leader is None else f"is {leader.kind}")
-        + (
-            f": did you mean {show(close[0])}?"
-            if close and leader is None
-            else ": correct the name"
+        path = [entry.name]
+        while path[-1] in leader and path[-1] not in path[:-1]:
+            path.append(leader[path[-1]])
+        source.refuse_if(
+            path[-1] in path[:-1],
+            f"<mimic> without end: joint {' follows '.join(map(show, path))}",
+            element,
         )
-    )
-    source.note("mimics a joint that does not exist or move: joint", show(entry.name))
-    element.children[:] = [c for c in element.children if c.tag != "mimic"]
-    return replace(entry, mimic=None, problem=entry.problem or reason)
-
-
-_INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-_SHAPES = {
-    "box": ("size",),
-    "cylinder": ("radius", "length"),
-    "sphere": ("radius",),
-    "capsule": ("radius", "length"),
-}
+        followed = None if entry.mimic is None else by_name.get(entry.mimic.joint)
+        resolved.append(entry)
+        if entry.mimic is None or (followed is not None and followed.kind in _FOLLOWED):
+            continue
+        # Two of the robots in example-robot-data have such fingers.
+        near = list(by_name) if len(by_name) <= 500 and followed is None else []
+        close = difflib.get_close_matches(entry.mimic.joint[:60], near, n=1)
+        which = "does not exist" if followed is None else f"is {followed.kind}"
+        cure = f"did you mean {show(close[0])}?" if close else "correct the name"
+        reason = f"mimics joint {show(entry.mimic.joint)}, which {which}: {cure}"
+        source.note("mimics a joint that does not exist or move: joint", show(entry.name))
+        element.children[:] = [c for c in element.children if c.tag != "mimic"]
+        resolved[-1] = replace(entry, mimic=None, problem=entry.problem or reason)
+    return tuple(resolved)
 
 
 def check_link(node: Node, source: UrdfSource) -> tuple[str, Node]:
@@ -316,25 +296,13 @@ def check_link(node: Node, source: UrdfSource) -> tuple[str, Node]:
 def _inertial(node: Node, source: UrdfSource, what: str, name: str) -> list[Node]:
     if (inertial := node.first("inertial")) is None:
         return []
-    mass, inertia = inertial.first("mass"), inertial.first("inertia")
-    complete = (
-        mass is not None
-        and "value" in mass.attributes
-        and inertia is not None
-        and all(key in inertia.attributes for key in _INERTIA)
-    )
-    for part in (mass, inertia):
-        for key in part.attributes if part is not None else ():
-            if key == "value" or key in _INERTIA:
-                assert part is not None
-                source.numbers(part, key, 1, what, LARGEST_INERTIA)
+    parts = [part for part in map(inertial.first, ("mass", "inertia")) if part is not None]
+    given = {part.tag: [*source.values(part, what, LARGEST_INERTIA)] for part in parts}
     origin = source.origin(inertial, what)
-    if not complete:
+    if given != {tag: [*NUMBERS[tag]] for tag in ("mass", "inertia")}:
         source.note("incomplete <inertial> left out (not needed here) in link", show(name))
         return []
-    assert mass is not None
-    assert inertia is not None
-    return [Node("inertial", {}, inertial.line, [*origin, mass, inertia])]
+    return [Node("inertial", {}, inertial.line, [*origin, *parts])]
 
 
 def _shape(node: Node, source: UrdfSource, what: str) -> list[Node]:
@@ -344,36 +312,29 @@ def _shape(node: Node, source: UrdfSource, what: str) -> list[Node]:
     if geometry is None or not geometry.children:
         raise source.error(f"{what}: <{node.tag}> has no geometry", node)
     shape = geometry.children[0]
-    clean = Node(shape.tag, {}, shape.line)
+    source.refuse_if(
+        shape.tag != "mesh" and shape.tag not in SOLIDS,
+        f"{what}: unknown shape <{shape.tag}>",
+        shape,
+    )
+    for key in SOLIDS.get(shape.tag, ()):
+        source.attribute(shape, key, what)
+    values = source.values(shape, what)
+    clean = _only_numbers(shape)
+    placed = [(clean, origin)]
     if shape.tag == "mesh":
-        if "scale" in shape.attributes:
-            source.numbers(shape, "scale", 3, what)
-            clean.attributes["scale"] = shape.attributes["scale"]
         clean.attributes["filename"] = shape.attributes.get("filename", "")
     else:
-        for key in _SHAPES.get(shape.tag, ()):
-            count = 3 if key == "size" else 1
-            source.attribute(shape, key, what)
-            source.refuse_if(
-                min(source.numbers(shape, key, count, what)) < 0,
-                f"{what}: <{shape.tag} {key}> is negative",
-                shape,
-            )
-            clean.attributes[key] = shape.attributes[key]
-        source.refuse_if(not clean.attributes, f"{what}: unknown shape <{shape.tag}>", shape)
-    placed = [(clean, origin)]
+        for key, numbers in values.items():
+            source.refuse_if(min(numbers) < 0, f"{what}: <{shape.tag} {key}> is negative", shape)
     if shape.tag == "capsule":
-        radius, length = (source.numbers(shape, key, 1, what)[0] for key in ("radius", "length"))
-        at = origin[0] if origin else Node("origin", {}, node.line)
-        xyz, rpy = (
-            list(source.numbers(at, key, 3, what)) if key in at.attributes else [0.0, 0.0, 0.0]
-            for key in ("xyz", "rpy")
-        )
-        placed = _capsule(radius, length, (xyz, rpy), shape.line)
-    extra = []
-    if node.tag == "visual":
-        for material in node.all("material")[:1]:
-            extra += check_material(material, source)
+        pose: dict[str, tuple[float, ...]] = dict.fromkeys(("xyz", "rpy"), (0.0, 0.0, 0.0))
+        for at in origin:
+            pose |= source.values(at, what)
+        (radius,), (length,) = values["radius"], values["length"]
+        placed = _capsule(radius, length, (pose["xyz"], pose["rpy"]), shape.line)
+    materials = node.all("material")[:1] if node.tag == "visual" else []
+    extra = [kept for material in materials for kept in check_material(material, source)]
     named = {k: v for k, v in node.attributes.items() if k == "name" and shape.tag != "capsule"}
     return [
         Node(node.tag, named, node.line, [*at, Node("geometry", {}, 0, [made]), *extra])
@@ -382,7 +343,7 @@ def _shape(node: Node, source: UrdfSource, what: str) -> list[Node]:
 
 
 def _capsule(
-    radius: float, length: float, pose: tuple[list[float], list[float]], line: int
+    radius: float, length: float, pose: tuple[tuple[float, ...], tuple[float, ...]], line: int
 ) -> list[tuple[Node, list[Node]]]:
     """Return a capsule as a cylinder of ``length`` and two spheres: some readers lack the shape."""
     xyz, rpy = pose
@@ -409,7 +370,7 @@ def check_material(node: Node, source: UrdfSource) -> list[Node]:
     color, texture = node.first("color"), node.first("texture")
     if color is not None and "rgba" in color.attributes:
         try:
-            values = source.numbers(color, "rgba", 4, f"material {show(name)}")
+            values = source.values(color, f"material {show(name)}")["rgba"]
         except RobotFileError:
             source.note("unreadable colour left out of material", show(name))
         else:

@@ -217,6 +217,24 @@ _NOT_FINITE = re.compile(r"[+-]?(?:nan(?:\(.*\))?|inf|infinity)", re.IGNORECASE)
 # No robot has a link, an angle or a mass of that size; a finger on the keyboard has.
 LARGEST = 1e6
 LARGEST_INERTIA = 1e12
+SOLIDS = {
+    "box": {"size": 3},
+    "cylinder": {"radius": 1, "length": 1},
+    "sphere": {"radius": 1},
+    "capsule": {"radius": 1, "length": 1},
+}
+NUMBERS: dict[str, dict[str, int]] = {
+    "origin": {"xyz": 3, "rpy": 3, "quat_xyzw": 4},
+    "limit": {"lower": 1, "upper": 1},
+    "dynamics": {"damping": 1, "friction": 1},
+    "mimic": {"multiplier": 1, "offset": 1},
+    "mass": {"value": 1},
+    "inertia": dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1),
+    "mesh": {"scale": 3},
+    "color": {"rgba": 4},
+    **SOLIDS,
+}
+"""Elements of a URDF, with how many numbers stand in each of their attributes."""
 
 
 def show(text: str, length: int = 60) -> str:
@@ -297,26 +315,37 @@ class UrdfSource:
         if len(words) != count:
             expected = "one number" if count == 1 else f"{count} numbers"
             raise self.error(f"{at} must have {expected}, separated by blanks", node)
-        values = []
+        hint = ": a xacro expression? name the file .xacro" if "${" in text else ""
         for word in words:
             self.refuse_if(
                 _NOT_FINITE.fullmatch(word), f"{at}: {word} is not a finite number", node
             )
-            if len(word) > LONGEST_NUMBER and not word[:50].strip("+-.0123456789"):
-                # The expression below would take the square of that many steps.
-                raise self.error(f"{at}: a number of {len(word):,} characters: round it", node)
-            if not _NUMBER.fullmatch(word):
-                hint = ": a xacro expression? name the file .xacro" if "${" in text else ""
-                raise self.error(f"{at}: {show(word, 30)} is not a number{hint}", node)
-            value = float(word)
+            # The expression below would take the square of that many steps.
             self.refuse_if(
-                not math.isfinite(value) or abs(value) > largest,
+                len(word) > LONGEST_NUMBER and not word[:50].strip("+-.0123456789"),
+                f"{at}: a number of {len(word):,} characters: round it",
+                node,
+            )
+            self.refuse_if(
+                not _NUMBER.fullmatch(word), f"{at}: {show(word, 30)} is not a number{hint}", node
+            )
+            self.refuse_if(
+                abs(float(word)) > largest,
                 f"{at}: {show(word, 30)} is too large, at most {largest:g}",
                 node,
             )
-            values.append(value)
         node.attributes[name] = " ".join(words)
-        return tuple(values)
+        return tuple(map(float, words))
+
+    def values(
+        self, node: Node, what: str, largest: float = LARGEST
+    ) -> dict[str, tuple[float, ...]]:
+        """Return the numbers in an element by attribute, those of `NUMBERS` that it has."""
+        return {
+            name: self.numbers(node, name, count, what, largest)
+            for name, count in NUMBERS[node.tag].items()
+            if name in node.attributes
+        }
 
     def one(self, node: Node, tag: str, what: str) -> Node | None:
         """Return the only child with a tag, None if there is none; refuse several."""
@@ -330,25 +359,20 @@ class UrdfSource:
         if (origin := self.one(node, "origin", what)) is None:
             return []
         kept = Node("origin", dict(origin.attributes), origin.line)
-        for name in ("xyz", "rpy"):
-            if name in kept.attributes:
-                self.numbers(kept, name, 3, what)
-        if "quat_xyzw" in kept.attributes:
-            if self.version not in ("1.1", "1.2"):
-                # Readers of version 1.0 pass over it and lose the rotation without a word.
-                raise self.error(
-                    f"{what}: <origin quat_xyzw> does not exist in URDF 1.0: "
-                    'write <robot version="1.1">, or give rpy',
-                    origin,
-                )
-            quaternion = self.numbers(kept, "quat_xyzw", 4, what)
+        values = self.values(kept, what)
+        if "quat_xyzw" in values:
+            # Readers of version 1.0 pass over it and lose the rotation without a word.
             self.refuse_if(
-                "rpy" in kept.attributes,
-                f"{what}: <origin> has both rpy and quat_xyzw: keep one",
+                self.version not in ("1.1", "1.2"),
+                f"{what}: <origin quat_xyzw> does not exist in URDF 1.0: "
+                'write <robot version="1.1">, or give rpy',
                 origin,
             )
             self.refuse_if(
-                math.hypot(*quaternion) < 1e-6,
+                "rpy" in values, f"{what}: <origin> has both rpy and quat_xyzw: keep one", origin
+            )
+            self.refuse_if(
+                math.hypot(*values["quat_xyzw"]) < 1e-6,
                 f"{what}: <origin quat_xyzw> is zero, so no rotation",
                 origin,
             )
