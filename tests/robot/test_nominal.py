@@ -18,9 +18,8 @@ from pinsing.kinematics.jacobian import frame_jacobian, frame_jacobians, tip_pla
 from pinsing.kinematics.verdict import generic_rank
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
-from pinsing.robot.exact_placements import Deviation
 from pinsing.robot.load import load
-from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
+from pinsing.robot.nominal import ANGLE_TOL, Deviation, Nominal, nominal
 from pinsing.robot.surd import Surd, cosine, sine
 
 IDENTITY = ((1, 0, 0), (0, 1, 0), (0, 0, 1))

@@ -18,8 +18,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.matrix import Matrix, primitive
 from pinsing.algebra.mimic import driven_by, drives
 from pinsing.algebra.ring import Poly, Ring
-from pinsing.robot.exact_placements import Matrix as Rotation
-from pinsing.robot.nominal import Nominal
+from pinsing.robot.nominal import Matrix as Rotation, Nominal
 from pinsing.robot.surd import Exact
 from pinsing.robot.task import Task
 

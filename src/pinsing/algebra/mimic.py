@@ -18,8 +18,16 @@ import numpy as np
 from pinsing._types import Array
 from pinsing.errors import Refusal
 from pinsing.measures import NOISE
-from pinsing.robot.exact_placements import FIFTEEN, Snap
-from pinsing.robot.nominal import Motion, Nominal, Vector, jacobian_at, jacobian_modulo, turned
+from pinsing.robot.nominal import (
+    FIFTEEN,
+    Motion,
+    Nominal,
+    Snap,
+    Vector,
+    jacobian_at,
+    jacobian_modulo,
+    turned,
+)
 from pinsing.robot.surd import Exact, cosine, residue, sine
 from pinsing.robot.task import Task
 

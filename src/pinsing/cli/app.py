@@ -18,7 +18,7 @@ import click
 
 from pinsing._version import __version__
 from pinsing.cli import STOPPED, memory_problem, memory_refusal
-from pinsing.cli.grouped import placeholder, values_named
+from pinsing.cli.options import placeholder, values_named
 from pinsing.cli.output import (
     READER_GONE,
     StdoutError,

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pinsing.cli.grouped import command
-from pinsing.cli.options import RobotRequest, arm_options, output_option
+from pinsing.cli.options import RobotRequest, arm_options, command, output_option
 from pinsing.cli.output import STDOUT, put, say
 from pinsing.cli.running import waiting
 from pinsing.cli.singularities import prove_option

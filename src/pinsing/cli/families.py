@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pinsing.cli.grouped import command
 from pinsing.cli.mechanism import families_loops, loops_option
 from pinsing.cli.options import (
     RobotRequest,
     arm_options,
+    command,
     deg_option,
     fail_option,
     in_degrees,

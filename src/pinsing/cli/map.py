@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pinsing.cli import STOPPED, completion
-from pinsing.cli.grouped import command
 from pinsing.cli.mechanism import loops_option, map_loops, over_option
 from pinsing.cli.options import (
     RobotRequest,
     arm_options,
+    command,
     deg_option,
     fail_option,
     in_degrees,

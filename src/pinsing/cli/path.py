@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 import click
 
 from pinsing.cli.check import angle
-from pinsing.cli.grouped import command
 from pinsing.cli.options import (
     RobotRequest,
     arm_options,
+    command,
     deg_option,
     doubt_degrees,
     fail_option,

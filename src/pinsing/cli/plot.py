@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pinsing.cli import completion
-from pinsing.cli.grouped import command
 from pinsing.cli.mechanism import loops_option, read, tell_of_limits, typed_inputs
 from pinsing.cli.options import (
     RobotRequest,
     arm_options,
+    command,
     deg_option,
     in_degrees,
     joint_names,

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import click
 
-from pinsing.cli.grouped import command
 from pinsing.cli.options import (
     RobotRequest,
     arm_options,
+    command,
     deg_option,
     in_degrees,
     joint_vector,

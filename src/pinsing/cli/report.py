@@ -10,11 +10,11 @@ import click
 
 from pinsing.cli import completion
 from pinsing.cli.check import file_options, read_samples, with_aspects
-from pinsing.cli.grouped import command
 from pinsing.cli.mechanism import loops_option, read
 from pinsing.cli.options import (
     RobotRequest,
     arm_options,
+    command,
     deg_option,
     joint_vector,
     output_option,

@@ -10,10 +10,10 @@ import click
 
 from pinsing.atomic_write import check_writable
 from pinsing.cli import completion
-from pinsing.cli.grouped import command
 from pinsing.cli.options import (
     RobotRequest,
     arm_options,
+    command,
     deg_option,
     in_degrees,
     json_option,

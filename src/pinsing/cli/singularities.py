@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from pinsing.cli import STOPPED, completion
-from pinsing.cli.grouped import command
 from pinsing.cli.mechanism import analyze_loops, joints_option, loops_option
 from pinsing.cli.options import (
     RobotRequest,
     arm_options,
+    command,
     deg_option,
     fail_option,
     joint_names,

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, TypeAlias
 import click
 
 from pinsing.cli import completion
-from pinsing.cli.grouped import command
 from pinsing.cli.mechanism import loops_option, view_loops
 from pinsing.cli.options import (
     RobotRequest,
     arm_options,
+    command,
     deg_option,
     follow_option,
     joint_vector,

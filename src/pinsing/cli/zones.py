@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pinsing.cli.grouped import command
 from pinsing.cli.options import (
     RobotRequest,
     arm_options,
+    command,
     deg_option,
     in_degrees,
     joint_speeds_option,

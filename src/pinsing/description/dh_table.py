@@ -30,7 +30,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 import yaml
 
 from pinsing.description.catalog import known_arms, urdf_folder
-from pinsing.description.urdf_elements import DEFAULT_EFFORT, DEFAULT_VELOCITY
+from pinsing.description.urdf import DEFAULT_EFFORT, DEFAULT_VELOCITY
 from pinsing.description.xacro import expand_xacro
 from pinsing.description.yaml_tree import Number, YamlNode, compose
 from pinsing.errors import OutputError, why

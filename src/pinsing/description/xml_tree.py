@@ -218,23 +218,23 @@ _NOT_FINITE = re.compile(r"[+-]?(?:nan(?:\(.*\))?|inf|infinity)", re.IGNORECASE)
 LARGEST = 1e6
 LARGEST_INERTIA = 1e12
 SOLIDS = {
-    "box": {"size": 3},
-    "cylinder": {"radius": 1, "length": 1},
-    "sphere": {"radius": 1},
-    "capsule": {"radius": 1, "length": 1},
+    "box": ("size",),
+    "cylinder": ("radius", "length"),
+    "sphere": ("radius",),
+    "capsule": ("radius", "length"),
 }
-NUMBERS: dict[str, dict[str, int]] = {
-    "origin": {"xyz": 3, "rpy": 3, "quat_xyzw": 4},
-    "limit": {"lower": 1, "upper": 1},
-    "dynamics": {"damping": 1, "friction": 1},
-    "mimic": {"multiplier": 1, "offset": 1},
-    "mass": {"value": 1},
-    "inertia": dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1),
-    "mesh": {"scale": 3},
-    "color": {"rgba": 4},
+NUMBERS: dict[str, tuple[str, ...]] = {
+    "origin": ("xyz", "rpy", "quat_xyzw"),
+    "limit": ("lower", "upper"),
+    "dynamics": ("damping", "friction"),
+    "mimic": ("multiplier", "offset"),
+    "mass": ("value",),
+    "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
+    "mesh": ("scale",),
+    "color": ("rgba",),
     **SOLIDS,
 }
-"""Elements of a URDF, with how many numbers stand in each of their attributes."""
+"""Elements of a URDF, with those of their attributes that hold numbers."""
 
 
 def show(text: str, length: int = 60) -> str:
@@ -341,9 +341,10 @@ class UrdfSource:
         self, node: Node, what: str, largest: float = LARGEST
     ) -> dict[str, tuple[float, ...]]:
         """Return the numbers in an element by attribute, those of `NUMBERS` that it has."""
+        several = dict.fromkeys(("xyz", "rpy", "size", "scale"), 3) | {"rgba": 4, "quat_xyzw": 4}
         return {
-            name: self.numbers(node, name, count, what, largest)
-            for name, count in NUMBERS[node.tag].items()
+            name: self.numbers(node, name, several.get(name, 1), what, largest)
+            for name in NUMBERS[node.tag]
             if name in node.attributes
         }
 

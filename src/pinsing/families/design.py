@@ -48,10 +48,9 @@ from pinsing.families.design_form import (
     text_of,
 )
 from pinsing.robot.arm import Arm
-from pinsing.robot.exact_placements import ExactPlacements, Length3
 from pinsing.robot.joints import axis_rotation
 from pinsing.robot.load import load
-from pinsing.robot.nominal import Nominal, nominal
+from pinsing.robot.nominal import ExactPlacements, Length3, Nominal, nominal
 
 _AXES = dict(zip("xyz", np.eye(3), strict=True))
 

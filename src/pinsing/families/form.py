@@ -31,9 +31,8 @@ from pinsing.measures import SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page, Span, caution, formula, good, measured, unbroken, visible
 from pinsing.robot.arm import Arm, ArmSummary
 from pinsing.robot.design import assumptions
-from pinsing.robot.exact_placements import Deviation
 from pinsing.robot.load import LOOPS
-from pinsing.robot.nominal import Nominal
+from pinsing.robot.nominal import Deviation, Nominal
 from pinsing.serialization import JsonResult
 
 

@@ -38,8 +38,7 @@ from pinsing.proof.checker import (
     Ring,
     flipped,
 )
-from pinsing.robot.exact_placements import IDENTITY, Deviation
-from pinsing.robot.nominal import Nominal
+from pinsing.robot.nominal import IDENTITY, Deviation, Nominal
 from pinsing.robot.surd import SQUARES, Exact, parts_of, roots_of
 
 _ROOTS = ("", "s2", "s3", "s2s3")

@@ -33,9 +33,8 @@ from pinsing.measures import ROUNDING
 from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.chain import flatten, jacobian_change
 from pinsing.robot.design import ANGLE, LENGTH, design_of, deviation_of
-from pinsing.robot.exact_placements import Deviation, Snap
 from pinsing.robot.load import load
-from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
+from pinsing.robot.nominal import ANGLE_TOL, Deviation, Nominal, Snap, nominal
 
 if TYPE_CHECKING:
     from pinsing.families.design_form import DesignForm

@@ -44,8 +44,7 @@ from pinsing.families.pieces import PieceMaker
 from pinsing.families.slice_count import SliceCount
 from pinsing.families.slice_search import RandomSingular, SliceSearch
 from pinsing.robot.arm import Arm
-from pinsing.robot.exact_placements import IDENTITY
-from pinsing.robot.nominal import Nominal
+from pinsing.robot.nominal import IDENTITY, Nominal
 from pinsing.robot.task import Task
 
 Vector = NDArray[np.object_]

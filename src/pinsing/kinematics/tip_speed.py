@@ -19,7 +19,7 @@ import numpy as np
 
 from pinsing._types import Array, ArrayLike, Bool
 from pinsing.arguments import checked
-from pinsing.description.urdf_elements import DEFAULT_EFFORT, DEFAULT_VELOCITY
+from pinsing.description.urdf import DEFAULT_EFFORT, DEFAULT_VELOCITY
 from pinsing.errors import OptionError
 from pinsing.kinematics.batch import own_scale, random_turns, task_rows
 from pinsing.kinematics.jacobian import frame_jacobians

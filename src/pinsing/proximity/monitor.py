@@ -24,8 +24,7 @@ from pinsing.notebook import one_line
 from pinsing.proximity.clearance import NAMING, nearest_family
 from pinsing.proximity.watched import Forms, every_name, titled, watch
 from pinsing.proximity.zones import Zones, zone_distances
-from pinsing.robot.arm import Arm
-from pinsing.robot.whole_model import WholeModel
+from pinsing.robot.arm import Arm, WholeModel
 from pinsing.serialization import JsonResult
 
 CLEAR, WARN, STOP = LEVELS = ("clear", "warn", "stop")

@@ -21,8 +21,7 @@ from pinsing._types import Array, NDArray
 from pinsing.atomic_write import MEBIBYTE
 from pinsing.chunk_file import DamagedError, read_arrays, read_bounded
 from pinsing.errors import ConfigurationError
-from pinsing.robot.arm import Arm
-from pinsing.robot.whole_model import WholeModel
+from pinsing.robot.arm import Arm, WholeModel
 
 _UNIT = re.compile(
     r"(?i)[\s_]*[\[(]\s*([^\W\d_][^\[\]()]*?|°)\s*[\])]\s*$"

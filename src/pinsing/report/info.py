@@ -32,8 +32,7 @@ from pinsing.robot.design import (
     deviation_of,
     differences,
 )
-from pinsing.robot.exact_placements import Snap
-from pinsing.robot.nominal import nominal
+from pinsing.robot.nominal import Snap, nominal
 from pinsing.robot.second_reader import SecondReading
 from pinsing.serialization import JsonResult
 

@@ -17,8 +17,7 @@ from pinsing.errors import OptionError
 from pinsing.measures import FLOAT_NOISE
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import chain_model, flatten, keep_chain
-from pinsing.robot.exact_placements import Deviation
-from pinsing.robot.nominal import nominal
+from pinsing.robot.nominal import Deviation, nominal
 
 ANGLE, LENGTH = 1e-2, 1e-3
 """Radians and metres within which a detected design has right angles, no offset, equal lengths."""

@@ -31,7 +31,7 @@ import pinocchio as pin
 
 from pinsing._types import Array, Bool
 from pinsing.arguments import checked
-from pinsing.description.urdf_elements import NO_LIMITS
+from pinsing.description.urdf import NO_LIMITS
 from pinsing.description.xml_tree import suggestion
 from pinsing.description.yaml_tree import YamlNode, compose
 from pinsing.errors import JointError, OptionError, PinsingError
