@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Chain
-from pinsing.robot.joints import axis_rotation, joint_axis
+from pinsing.robot.models import axis_rotation, joint_axis
 
 ROBOTS = "cmeel.prefix/share/example-robot-data/robots"
 

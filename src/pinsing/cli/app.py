@@ -39,7 +39,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "line": ("path", "Check a straight line of the tip (MoveL)."),
     "postures": ("postures", "List the other postures of a pose, or the aspects of an arm."),
     "analyze": ("singularities", "Cross-check the families with a sweep of the joints (--sweep)."),
-    "map": ("map", "Compute singular values over a grid or sample."),
+    "map": ("singularities", "Compute singular values over a grid or sample."),
     "view": ("view", "Show singular poses and velocity ellipsoids in a browser."),
     "plot": ("plot", "Draw curves, maps and ellipsoids."),
     "report": ("report", "Write a self-contained report."),

@@ -48,8 +48,8 @@ from pinsing.families.design_form import (
     text_of,
 )
 from pinsing.robot.arm import Arm
-from pinsing.robot.joints import axis_rotation
 from pinsing.robot.load import load
+from pinsing.robot.models import axis_rotation
 from pinsing.robot.nominal import ExactPlacements, Length3, Nominal, nominal
 
 _AXES = dict(zip("xyz", np.eye(3), strict=True))

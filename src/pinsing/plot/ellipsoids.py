@@ -25,7 +25,7 @@ from pinsing.kinematics.verdict import SINGULAR_RTOL
 from pinsing.measures import PRACTICAL, Ellipsoid, pure_by_default, pure_ellipsoids
 from pinsing.plot.style import COLORS, COLUMN, SMALL, legend_below, legend_of_all, plain
 from pinsing.robot.arm import Arm
-from pinsing.robot.joints import joint_axis
+from pinsing.robot.models import joint_axis
 
 BONE = "#5b6472"
 LOST = "#C4187C"

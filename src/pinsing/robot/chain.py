@@ -11,7 +11,7 @@ import pinocchio as pin
 from pinsing._types import Array, Chain
 from pinsing.measures import ROUNDING
 from pinsing.robot.arm import Arm
-from pinsing.robot.joints import axis_rotation, joint_axis
+from pinsing.robot.models import axis_rotation, joint_axis
 
 
 def flatten(arm: Arm) -> Chain:

@@ -24,8 +24,20 @@ from pinsing.robot.chains import (
 )
 from pinsing.robot.design import assumed_design
 from pinsing.robot.joint_space import named
-from pinsing.robot.joints import Follow, chain_limits, couple, coupled_limits, leader_of, locked_at
-from pinsing.robot.models import Way, lock_joints, reroot, turned_round, way_between
+from pinsing.robot.models import (
+    Follow,
+    Way,
+    build_model,
+    chain_limits,
+    couple,
+    coupled_limits,
+    leader_of,
+    lock_joints,
+    locked_at,
+    reroot,
+    turned_round,
+    way_between,
+)
 from pinsing.robot.source import HasModel, Source, given_file, given_model
 from pinsing.robot.task import Task, parse_task
 
@@ -167,7 +179,6 @@ def _read(
 ) -> _Whole:
     if (model := given_model(robot)) is not None:
         return _Whole(model, model.name or "model", "pin.Model", {})
-    from pinsing.robot.models import build_model
     from pinsing.robot.mujoco import given_mujoco
 
     if (mujoco := given_mujoco(robot)) is not None:

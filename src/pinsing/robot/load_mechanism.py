@@ -37,8 +37,8 @@ from pinsing.description.yaml_tree import YamlNode, compose
 from pinsing.errors import JointError, OptionError, PinsingError
 from pinsing.measures import ALIKE, ROUNDING
 from pinsing.robot.chains import frame_index
-from pinsing.robot.joints import joint_axis
 from pinsing.robot.mechanism import LOOP_KINDS, Loop, Mechanism, Sample, closing, meeting_point
+from pinsing.robot.models import joint_axis
 from pinsing.robot.source import HasModel, Source, given_file, given_model
 from pinsing.robot.task import ROW_NAMES, Task, parse_task
 

@@ -16,7 +16,7 @@ from pinsing.measures import ROUNDING
 from pinsing.notebook import one_line
 from pinsing.robot.chains import frame_index
 from pinsing.robot.joint_space import JointSpace, model_q, require_scale, require_values
-from pinsing.robot.joints import joint_axis
+from pinsing.robot.models import joint_axis
 from pinsing.robot.source import Memory, Source, kept
 from pinsing.robot.task import Task
 

@@ -23,7 +23,7 @@ from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, generic_rank, task_size
 from pinsing.measures import Reachability
 from pinsing.robot.arm import Arm
-from pinsing.robot.joints import joint_axis
+from pinsing.robot.models import joint_axis
 from pinsing.robot.nominal import nominal
 from pinsing.sampling.generalize import Finding
 from pinsing.view.scene import FLATTEST, LEAST, SLIM, Sizes

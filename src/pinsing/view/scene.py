@@ -20,8 +20,8 @@ from pinsing.kinematics.at import at
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.measures import pure_ellipsoids
 from pinsing.robot.arm import Arm
-from pinsing.robot.joints import joint_axis
 from pinsing.robot.mechanism import Mechanism
+from pinsing.robot.models import joint_axis
 from pinsing.view.links import DrawnRod, Links, base_placement, draw_links, geometry
 
 ARROWS = 3
