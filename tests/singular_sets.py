@@ -26,7 +26,7 @@ from pinsing.kinematics.verdict import ratios
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
-from pinsing.sampling.curves import minima
+from pinsing.sampling.tally import minima
 
 RIGHT = np.pi / 2
 

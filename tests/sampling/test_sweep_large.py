@@ -16,9 +16,9 @@ from singular_sets import dips
 from pinsing.errors import OptionError
 from pinsing.plot import sigma_curves
 from pinsing.sampling.analyze import singular_configurations
-from pinsing.sampling.curves import CurveTable, Pool, minima
-from pinsing.sampling.sweep_plan import plan_sweep
+from pinsing.sampling.sweep_plan import CurveTable, plan_sweep
 from pinsing.sampling.sweep_run import SweepResult, load_npz, run_sweep, sweep
+from pinsing.sampling.tally import Pool, minima
 
 SWEEP = sys.modules[run_sweep.__module__]  # the package has a function of that name
 

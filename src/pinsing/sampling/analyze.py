@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -30,7 +30,6 @@ from pinsing.notebook import text, verdict
 from pinsing.prose import PLAIN, Page, Span, alarm, caution, unbroken
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.nominal import ANGLE_TOL, nominal, nominal as nominal_geometry
-from pinsing.sampling.curves import CurveTable
 from pinsing.sampling.generalize import (
     DRAWS,
     ConditionTester,
@@ -40,7 +39,7 @@ from pinsing.sampling.generalize import (
     held,
 )
 from pinsing.sampling.map_plan import BLOCK
-from pinsing.sampling.sweep_plan import SAMPLES, SPECIAL_ANGLES, Special
+from pinsing.sampling.sweep_plan import SAMPLES, SPECIAL_ANGLES, CurveTable, Special
 from pinsing.sampling.sweep_run import SweepResult, sweep
 from pinsing.serialization import JsonResult
 
@@ -120,8 +119,7 @@ def singular_configurations(
     collector = _Collector(arm, exact, result, tester, points.where(sharp))
     table = CurveTable(plan)
     for fixed in plan.forced:
-        row = np.array([fixed.get(name, np.nan) for name in arm.joints])
-        collector.add(tester.condition(row), table.of_set(fixed))
+        collector.add(tester.condition(row_of(fixed, arm)), table.of_set(fixed))
     collector.explain(until)
     findings = collector.findings(until)
     blunt = points.where(~sharp & (points.ratio <= NEAR_RTOL))
@@ -131,12 +129,14 @@ def singular_configurations(
 
 def _refined(exact: Arm, result: SweepResult, random_starts: int, until: float) -> _Points:
     """Ends of the walks from all dips, uniform rows that are not regular, and random starts."""
-    plan = result.plan
-    relevant = np.isin(np.arange(exact.n), plan.relevant)
-    table, dips = CurveTable(plan), result.candidates
-    starts = table.configurations(dips.curve, dips.sample)
-    moving = table.rows(dips.curve).moving[:, None] == np.arange(exact.n)
-    along = _along(exact, starts, moving, plan.ignore_limits, until)
+    plan, table, dips = result.plan, CurveTable(result.plan), result.candidates
+    moving = table.rows(dips.curve).moving
+    along = table.configurations(dips.curve, dips.sample)
+    # Along its own moving joint at first: special values stay what they are.
+    for some in _batches(np.arange(len(along)), until):
+        only = moving[some, None] == np.arange(exact.n)
+        ends = approach(exact, along[some], only, bounded=not plan.ignore_limits)
+        along[some] = np.where(ends.singular[:, None], ends.q, along[some])
     extra = [
         q for q, row in zip(plan.uniform, result.uniform, strict=True) if row.status != "regular"
     ]
@@ -145,33 +145,22 @@ def _refined(exact: Arm, result: SweepResult, random_starts: int, until: float) 
     q = np.array([*along, *extra]).reshape(-1, exact.n)
     ratio = ratios(exact, q)
     at = np.full(len(q), np.nan)
-    on = np.flatnonzero(ratio[: len(dips.curve)] <= SINGULAR_RTOL)
-    at[on] = q[on, table.rows(dips.curve).moving[on]]
+    on = np.flatnonzero(ratio[: len(along)] <= SINGULAR_RTOL)
+    at[on] = q[on, moving[on]]
     # What stays blunt along its own curve may still be near a singularity of all joints.
-    for some in _batches(np.flatnonzero(ratio > SINGULAR_RTOL)):
-        if time.monotonic() > until:
-            break
+    relevant = np.isin(np.arange(exact.n), plan.relevant)
+    for some in _batches(np.flatnonzero(ratio > SINGULAR_RTOL), until):
         ends = walk(exact, q[some], relevant, plan.ignore_limits)
         q[some], ratio[some] = ends.q, ends.ratio
     curves = np.concatenate([dips.curve, np.full(len(extra), -1)]).astype(np.intp)
     return _Points(exact.fold(q), ratio, curves, at)
 
 
-def _along(exact: Arm, starts: Array, moving: Bool, ignore_limits: bool, until: float) -> Array:
-    """Refine each start along its own moving joint: special values stay what they are."""
-    found = starts.copy()
-    for some in _batches(np.arange(len(starts))):
-        if time.monotonic() > until:
-            break
-        ends = approach(exact, starts[some], moving[some], bounded=not ignore_limits)
-        found[some] = np.where(ends.singular[:, None], ends.q, starts[some])
-    return found
-
-
-def _batches(rows: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
-    """Rows, some at a time: the derivatives of many would fill the memory."""
+def _batches(rows: NDArray[np.intp], until: float) -> Iterator[NDArray[np.intp]]:
+    """Rows, some at a time, as long as there is time: derivatives of many would fill the memory."""
     for start in range(0, len(rows), BLOCK):
-        yield rows[start : start + BLOCK]
+        if time.monotonic() <= until:
+            yield rows[start : start + BLOCK]
 
 
 class _Collector:
@@ -183,13 +172,12 @@ class _Collector:
         self.arm, self.exact, self.result, self.tester = arm, exact, result, tester
         self.points = points
         self.explained = np.zeros(len(points.q), dtype=bool)
-        self.conditions: list[JointCondition] = []
-        self.curves: list[list[int]] = []
-        self.members: list[NDArray[np.intp]] = []
+        # Each condition, the curves that led to it, and the points that lie on it.
+        self.known: list[tuple[JointCondition, list[int], NDArray[np.intp]]] = []
 
     def add(self, condition: JointCondition, curves: Iterable[int] = ()) -> None:
         """Record a condition, unless it is known, and all points that lie on it."""
-        for known, where in zip(self.conditions, self.curves, strict=True):
+        for known, where, _ in self.known:
             # conditions whose values agree to this are one
             if condition.same_as(known, _SAME_RELATION if condition.related else 1e-5):
                 where += curves
@@ -202,9 +190,8 @@ class _Collector:
             mask[rows] = self._related(condition, self.points.q[rows])
         members = np.flatnonzero(mask)
         self.explained |= mask
-        self.conditions.append(condition)
-        self.members.append(members)
-        self.curves.append([*curves, *(c for c in self.points.curve[members].tolist() if c >= 0)])
+        seen = [c for c in self.points.curve[members].tolist() if c >= 0]
+        self.known.append((condition, [*curves, *seen], members))
 
     def _related(self, condition: JointCondition, Q: Array) -> Bool:
         """Which of Q (P, n) owe their singularity to all joints of a relation, and no fewer."""
@@ -226,16 +213,16 @@ class _Collector:
             # points in a row without a new condition
             if self.explained[i] or idle >= 50 or time.monotonic() > until:
                 continue
-            before = len(self.conditions)
+            before = len(self.known)
             for condition in self.tester.conditions(self.tester.snap(self.points.q[i])):
                 self.add(condition)
             self.explained[i] = True
-            idle = 0 if len(self.conditions) > before else idle + 1
+            idle = 0 if len(self.known) > before else idle + 1
 
     def findings(self, until: float = math.inf) -> list[Finding]:
         """One a condition, in the order of print."""
         found: list[Finding] = []
-        for condition, curves, rows in zip(self.conditions, self.curves, self.members, strict=True):
+        for condition, curves, rows in self.known:
             if found and time.monotonic() > until:
                 break
             candidates, reachable = self._candidates(condition, rows)
@@ -264,12 +251,11 @@ class _Collector:
         """Members of a condition, within the limits if there are any; and whether there are."""
         exact, rng = self.exact, np.random.default_rng(self.result.plan.seed)
         rest = np.clip(exact.fold(self.result.plan.nominal), exact.lower, exact.upper)
-        Q = np.concatenate([rest[None], exact.space.sample(_CANDIDATES - 1, rng)])
-        fixed = [exact.joints.index(name) for name in condition.fixed]
-        Q[:, fixed] = list(condition.fixed.values())
-        Q = exact.fold(Q)
-        held = np.where(np.isin(np.arange(exact.n), fixed), Q[0], rest)
-        inside = bool(exact.within_limits(held, ANGLE_TOL))  # a rounded limit is met
+        others = np.concatenate([rest[None], exact.space.sample(_CANDIDATES - 1, rng)])
+        row = row_of(condition.fixed, exact)
+        Q = exact.fold(np.where(np.isnan(row), others, row))
+        first = np.where(np.isnan(row), rest, Q[0])
+        inside = bool(exact.within_limits(first, ANGLE_TOL))  # a rounded limit is met
         if not condition.related:
             return Q, inside
         seen = exact.fold(self.points.q[rows])
@@ -283,20 +269,21 @@ class _Collector:
             return tried, True
         elsewhere = seen[:_CANDIDATES] if len(seen) else tried
         if not len(elsewhere):
-            values = rest.copy()
-            values[[exact.joints.index(name) for name in condition.forced_by]] = list(
-                condition.forced_by.values()
-            )
-            elsewhere = values[None]
+            row = row_of(condition.forced_by, exact)
+            elsewhere = np.where(np.isnan(row), rest, row)[None]
         return elsewhere, None if inside else False
 
 
 def on_condition(arm: Arm, condition: JointCondition, Q: Array, tol: float = ALIKE) -> Bool:
     """Tell for Q (P, n) whether the fixed joints have their values, whole turns aside."""
-    joints = [arm.joints.index(name) for name in condition.fixed]
-    wanted = np.zeros(arm.n)
-    wanted[joints] = list(condition.fixed.values())
-    return np.asarray((np.abs(arm.space.wrap(Q - wanted))[:, joints] <= tol).all(axis=1))
+    row = row_of(condition.fixed, arm)
+    off = np.abs(arm.space.wrap(Q - row))
+    return np.asarray((np.isnan(row) | (off <= tol)).all(axis=1))
+
+
+def row_of(values: Mapping[str, float], arm: Arm) -> Array:
+    """Values by joint as a row (n,), NaN where a joint has none."""
+    return np.array([values.get(name, np.nan) for name in arm.joints])
 
 
 def _representative(exact: Arm, Q: Array) -> SingularConfiguration:

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike, Bool, NDArray
+from pinsing._types import Array, ArrayLike, Bool, Ints, NDArray
 from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.kinematics.batch import batch
@@ -491,3 +491,128 @@ def _combinations(
         found += list(rows[forced])
         planned.append(PlannedLevel(level, joints, values, forced, level in asked))
     return tuple(planned)
+
+
+@dataclass(frozen=True, eq=False)
+class CurveRows:
+    """Some curves."""
+
+    numbers: Ints  # (C,) of int: which ones
+    base: Array  # (C, n): the configuration that all of a curve has but for the joint that moves
+    fixed: Bool  # (C, n) of bool: joints at special values
+    moving: Ints  # (C,) of int: index of the joint that moves
+    # (C,) of bool: the special values are a minimal set that is singular whatever the others
+    forced: Bool
+    singular: Bool  # (C,) of bool: they contain such a set: the curve is singular all along
+
+
+class CurveTable:
+    """All curves of a plan by their numbers; ``ranges`` (n, 2) are ends of each joint's range.
+
+    First each joint from the nominal configuration, then level by level, set by set, each joint
+    that moves in turn. The Jacobian of sample s of curve c has the number c * samples + s.
+    """
+
+    def __init__(self, plan: SweepPlan) -> None:
+        self.plan = plan
+        self._alone = np.array(
+            [i for i, e in enumerate(plan.effects) if e.reason != NOT_ASKED], dtype=np.int64
+        )
+        self._swept = np.array(plan.swept, dtype=np.int64)
+        # Curves of one level: number of the first, how many for every set, and the level.
+        self._blocks: list[tuple[int, int, PlannedLevel]] = []
+        first = len(self._alone)
+        for level in plan.levels:
+            if level.swept:
+                each = len(self._swept) - level.level
+                self._blocks.append((first, each, level))
+                first += each * len(level.values)
+        self._length = first
+        self.ranges = np.array([effect.range for effect in plan.effects], dtype=float)
+
+    def __len__(self) -> int:
+        return self._length
+
+    def rows(self, numbers: ArrayLike) -> CurveRows:
+        """Look up the curves ``numbers`` (C,)."""
+        found = np.asarray(numbers, dtype=np.int64)
+        count, n = len(found), len(self.plan.nominal)
+        base = np.tile(self.plan.nominal, (count, 1))
+        fixed, forced = np.zeros((count, n), dtype=bool), np.zeros(count, dtype=bool)
+        moving = np.zeros(count, dtype=np.int64)
+        alone = found < len(self._alone)
+        moving[alone] = self._alone[found[alone]]
+        for first, each, level in self._blocks:
+            here = np.flatnonzero((found >= first) & (found < first + each * len(level.values)))
+            if not len(here):
+                continue
+            place, turn = np.divmod(found[here] - first, each)
+            rows, joints = here[:, None], level.joints[place]
+            base[rows, joints] = level.values[place]
+            fixed[rows, joints] = True
+            forced[here] = level.forced[place]
+            free = ~fixed[rows, self._swept[None]]  # the same number in each row
+            others = np.nonzero(free)[1].reshape(len(here), each)
+            moving[here] = self._swept[others[np.arange(len(here)), turn]]
+        # A pruned plan has no set that contains a forced one, but those themselves.
+        singular = forced if self.plan.prune else self._singular(base, fixed)
+        return CurveRows(found, base, fixed, moving, forced, singular)
+
+    def fixed_values(self, rows: CurveRows, k: int) -> Mapping[str, float]:
+        """Joints at special values of one of ``rows``, by name."""
+        names = self.plan.arm.joints
+        return {names[j]: float(rows.base[k, j]) for j in np.flatnonzero(rows.fixed[k])}
+
+    def of_set(self, fixed: Mapping[str, float]) -> range:
+        """Numbers of the curves of one set of special values; empty if it has none."""
+        names = self.plan.arm.joints
+        values = {names.index(name): value for name, value in fixed.items()}
+        joints = sorted(values)
+        for first, each, level in self._blocks:
+            if level.level == len(joints):
+                same = (level.joints == joints).all(axis=1)
+                same &= (level.values == [values[j] for j in joints]).all(axis=1)
+                for place in np.flatnonzero(same).tolist():
+                    begin = first + place * each
+                    return range(begin, begin + each)
+        return range(0)
+
+    def configurations(self, curves: ArrayLike, samples: ArrayLike) -> Array:
+        """Joint vectors (P, n) of samples (P,) of curves (P,)."""
+        rows = self.rows(curves)
+        places = np.asarray(samples, dtype=np.int64)[:, None]
+        Q = rows.base.copy()
+        moved = axis_values(self.ranges[rows.moving], self.plan.samples, places)
+        np.put_along_axis(Q, rows.moving[:, None], moved, axis=1)
+        return Q
+
+    def configuration(self, index: int) -> Array:
+        """Joint vector (n,) of the Jacobian with that number."""
+        curve, sample = divmod(index, self.plan.samples)
+        return np.asarray(self.configurations([curve], [sample])[0])
+
+    def _singular(self, base: Array, fixed: Bool) -> Bool:
+        """Return which rows contain a set that is singular whatever the others."""
+        found = np.zeros(len(base), dtype=bool)
+        for level in self.plan.levels:
+            for place in np.flatnonzero(level.forced).tolist():
+                joints = level.joints[place]
+                found |= (fixed[:, joints] & (base[:, joints] == level.values[place])).all(axis=1)
+        return found
+
+
+def axis_values(ranges: Array, samples: int, places: Ints) -> Array:
+    """Return values as of ``linspace`` over ``ranges`` (C, 2) at ``places`` (C, P), ends exact."""
+    low, high = ranges[:, :1], ranges[:, 1:]
+    values = places * ((high - low) / (samples - 1)) + low
+    return np.asarray(np.where(places == samples - 1, high, values))
+
+
+_CELLS = 64  # parts of a range
+
+
+def kinds(rows: CurveRows, samples: int, row: Ints, sample: Ints) -> Ints:
+    """Kind (P,) of candidates: sample (P,) of the curves in row (P,) of ``rows``."""
+    n = rows.fixed.shape[1]
+    group = (rows.fixed @ (1 << np.arange(n, dtype=np.int64))) * n + rows.moving
+    return np.asarray(group[row] * _CELLS + sample * _CELLS // samples)

@@ -31,16 +31,6 @@ from pinsing.kinematics.batch import Batch
 from pinsing.kinematics.verdict import Status, last_and_ratio, measured, run_identity, status_of
 from pinsing.prose import PLAIN, Page, Span, alarm, unbroken, verdict
 from pinsing.robot.arm import Arm, ArmSummary
-from pinsing.sampling.curves import (
-    CANDIDATES,
-    Candidates,
-    CurveRows,
-    CurveTable,
-    Pool,
-    axis_values,
-    kinds,
-    minima,
-)
 from pinsing.sampling.execute import (
     Job,
     Progress,
@@ -51,14 +41,28 @@ from pinsing.sampling.execute import (
 )
 from pinsing.sampling.generalize import Finding, apart, finding_spans, value_text
 from pinsing.sampling.map_plan import WORST
-from pinsing.sampling.sweep_plan import SAMPLES, SPECIAL_ANGLES, Special, SweepPlan, plan_sweep
+from pinsing.sampling.sweep_plan import (
+    SAMPLES,
+    SPECIAL_ANGLES,
+    CurveRows,
+    CurveTable,
+    Special,
+    SweepPlan,
+    axis_values,
+    kinds,
+    plan_sweep,
+)
 from pinsing.sampling.tally import (
+    CANDIDATES,
+    Candidates,
     Distribution,
+    Pool,
     Tally,
     WorstPoint,
     check_names,
     distributions,
     finite,
+    minima,
     worst_points,
 )
 from pinsing.serialization import JsonResult
@@ -570,7 +574,7 @@ def run_sweep(
     The memory taken does not depend on the number of Jacobians: some 3 MB a thread, about 100 bytes
     a candidate, and the curves, which are part of the result up to `KEEP_BYTES` unless ``keep``
     says. ``worst`` configurations and ``candidates`` for `singular_configurations` are kept
-    (`pinsing.sampling.curves` says which). A stopped run in ``out`` goes on when called again. The
+    (`pinsing.sampling.tally` says which). A stopped run in ``out`` goes on when called again. The
     result does not depend on ``chunk`` (Jacobians, about), threads or executor, to the last bit.
     OptionError if curves that are to be kept are larger.
     """

@@ -1,4 +1,4 @@
-"""What a map or sweep keeps of its values: counts, extremes, histograms, the worst few.
+"""What a map or sweep keeps of its values: counts, extremes, histograms, the worst few, dips.
 
 Every part can be joined in any order and any grouping with the same outcome to the last bit:
 numbers are counted or compared, never added up as floats, and ties go to the lower index. A tally
@@ -17,12 +17,10 @@ import numpy as np
 
 from pinsing._batch import engine
 from pinsing._batch.engine import ValueCounts
-from pinsing._types import Array, Ints, NDArray
+from pinsing._types import Array, Bool, Ints, NDArray
 from pinsing.chunk_file import DamagedError, Record
 from pinsing.errors import OptionError
-from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL, Status, status_of
-
-Counts = Ints
+from pinsing.measures import NEAR_RTOL, ROUNDING, SINGULAR_RTOL, Status, status_of
 
 # A bin is a stretch of floats with the same exponent and leading digits: each octave in equal
 # parts. Its number is read off the bits of the float, without a logarithm or rounding.
@@ -41,7 +39,7 @@ SMALLEST, LARGEST = range(2)
 MEASURES = ("sigma", "ratio")
 
 
-def bin_numbers(values: Array) -> Counts:
+def bin_numbers(values: Array) -> Ints:
     """Bin (N,) of each value >= 0 (N,)."""
     bins = np.right_shift(np.ascontiguousarray(values).view(np.int64), _SHIFT)
     bins -= _FIRST
@@ -49,7 +47,7 @@ def bin_numbers(values: Array) -> Counts:
     return np.minimum(bins, BINS - 1, out=bins)
 
 
-def count_values(values: Array, bins: Counts) -> ValueCounts:
+def count_values(values: Array, bins: Ints) -> ValueCounts:
     """Add values >= 0 (N,) to their ``bins`` (BINS,); the tolerances are those of verdicts."""
     if engine.available():
         return engine.count_values(values, _SHIFT, _FIRST, bins, (SINGULAR_RTOL, NEAR_RTOL))
@@ -106,7 +104,7 @@ class Tally:
         """Bytes that its arrays take at most, of ``count`` configurations, with their headers."""
         return 24 * min(self.worst, count) + 2 * 16 * min(BINS, count) + 8192
 
-    def add(self, start: int, last: Array, ratio: Array, numbers: Counts | None = None) -> None:
+    def add(self, start: int, last: Array, ratio: Array, numbers: Ints | None = None) -> None:
         """Count sigma_r (N,) and ratios (N,) from ``start`` on, or of ascending ``numbers``."""
         if not len(last):
             return
@@ -227,6 +225,122 @@ class Tally:
             not np.allclose(np.concatenate(found), said, rtol=1e-8, atol=1e-11),
             "its worst configurations have other values than it says",
         )
+
+
+CANDIDATES = 65_536
+"""Dips that a sweep goes on with unless asked otherwise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Dips of the curves, one for each wholly singular stretch, by their numbers.
+
+    Curves whose special values alone are singular whatever the others have none.
+    """
+
+    found: int  # how many there were; more than are kept here if they were too many
+    curve: Ints  # (K,) of int: numbers of their curves, ascending
+    sample: Ints  # (K,) of int: which samples
+    # sigma_min and sigma_ratio: (K,): sigma_r, and sigma_r / sigma_1 there
+    sigma_min: Array
+    sigma_ratio: Array
+
+    def __len__(self) -> int:
+        return len(self.curve)
+
+
+def minima(sigma: Array, ratio: Array) -> Bool:
+    """Return which samples of curves are candidates, (C, S).
+
+    Local minima of sigma_r and sigma_r / sigma_1 (C, S), none of a flat curve. A singular stretch,
+    which is rounding, has one, at a third: its middle may be special.
+    """
+    beside = np.pad(sigma, ((0, 0), (1, 1)), constant_values=np.inf)
+    left, right = beside[:, :-2], beside[:, 2:]
+    top = sigma.max(axis=1)
+    bent = top - sigma.min(axis=1) > ROUNDING * top
+    found: Bool = (sigma < left) & (sigma <= right) & bent[:, None]
+    singular = ratio <= SINGULAR_RTOL
+    inside = singular[:, :-2] & singular[:, 1:-1] & singular[:, 2:]
+    for row in np.flatnonzero(inside.any(axis=1)):
+        steps = np.diff(singular[row].astype(np.int8), prepend=0, append=0)
+        for first, stop in zip(np.flatnonzero(steps > 0), np.flatnonzero(steps < 0), strict=True):
+            if stop - first >= 3:  # singular samples in a row that are a stretch and no crossing
+                found[row, first:stop] = False
+                found[row, first + (stop - first) // 3] = True
+    return found
+
+
+class Pool:
+    """Candidates as they come in, hardly more than ``most`` kept, of those ``found``.
+
+    Every dip of sigma_r is a candidate for a singular configuration. Up to ``most`` candidates all
+    are kept. Beyond, they are shared out: candidates are of one kind if the same joints are at
+    special values, the same joint moves, and it stands in the same 64th of its range; of each kind
+    the smallest sigma_r / sigma_1 come first, and all kinds get as many places as far as they go.
+    So no family with many dips crowds out another. Kept is what has the smallest (place within its
+    kind, ratio, number): the outcome is the same to the last bit however the candidates are
+    grouped, since a candidate that stays out of a part stays out of the whole.
+    """
+
+    names = ("dips_found", "dip_number", "dip_kind", "dip_sigma", "dip_ratio")
+
+    def __init__(self, most: int) -> None:
+        self.most = most
+        self.found = 0
+        self._columns: list[Any] = [np.zeros(0, dtype=kind) for kind in (int, int, float, float)]
+
+    def add(self, number: Ints, kind: Ints, sigma: Array, ratio: Array) -> None:
+        """Take candidates (P,), all different, by the numbers of their Jacobians."""
+        self._take(len(number), number, kind, sigma, ratio)
+
+    def join(self, record: Record) -> None:
+        """Take what `record` of another pool gave, which `check` has judged."""
+        found, *columns = (record[name] for name in self.names)
+        self._take(int(found), *columns)
+
+    def check(self, record: Record, start: int, stop: int, regular: int) -> None:
+        """Judge a pool of Jacobians from ``start`` to ``stop``, so many not of singular curves."""
+        size = (min(int(whole(record, "dips_found", (), 0, regular + 1)), self.most),)
+        DamagedError.refuse_if(
+            (np.diff(whole(record, "dip_number", size, start, stop)) <= 0).any(),
+            "its dips are not in order",
+        )
+        whole(record, "dip_kind", size, 0, 1 << 62)
+        for name in ("dip_sigma", "dip_ratio"):
+            finite(record, name, size)
+
+    def record(self) -> Record:
+        """Return what is kept, by number, as arrays."""
+        self._reduce()
+        return dict(zip(self.names, (np.array(self.found), *self._columns), strict=True))
+
+    def candidates(self, samples: int) -> Candidates:
+        """Return what is kept, of curves with so many samples."""
+        self._reduce()
+        number, _, sigma, ratio = self._columns
+        return Candidates(self.found, number // samples, number % samples, sigma, ratio)
+
+    def _take(self, found: int, *columns: NDArray[Any]) -> None:
+        self.found += found
+        self._columns = [np.append(*pair) for pair in zip(self._columns, columns, strict=True)]
+        if len(self._columns[0]) > 2 * self.most + 4096:
+            self._reduce()
+
+    def _reduce(self) -> None:
+        """Keep what has the smallest place within its kind, ratio and number; sort by number."""
+        number, kind, _, ratio = self._columns
+        chosen = np.argsort(number)
+        if len(number) > self.most:
+            order = np.lexsort((number, ratio, kind))
+            sorted_kind = kind[order]
+            starts = np.flatnonzero(np.diff(sorted_kind, prepend=sorted_kind[0] - 1))
+            sizes = np.diff(starts, append=len(order))
+            place = np.empty(len(order), dtype=np.int64)
+            place[order] = np.arange(len(order)) - np.repeat(starts, sizes)
+            first = np.lexsort((number, ratio, place))[: self.most]
+            chosen = first[np.argsort(number[first])]
+        self._columns = [column[chosen] for column in self._columns]
 
 
 def array_of(

@@ -121,9 +121,6 @@ def draw_shape(node: Any, shape: pin.GeometryObject, mesh: Mesh | None) -> str:
         made = _made(shape, mesh)
     except (OSError, ValueError, ColladaProblem) as error:
         return f"the shape {shape.name!r} is not drawn: {' '.join(str(error).split())}"
-    if made is None:
-        kind = type(shape.geometry).__name__
-        return f"the shape {shape.name!r} is not drawn: it is a {kind}"
     material = geometry.MeshPhongMaterial(color=_color(shape.meshColor))
     if float(shape.meshColor[3]) != 1.0:
         material.transparent, material.opacity = True, float(shape.meshColor[3])
@@ -145,7 +142,7 @@ def _made(shape: pin.GeometryObject, mesh: Mesh | None) -> Any:
         return geometry.Sphere(float(form.radius))
     if isinstance(form, coal.Cylinder):
         return DrawnRod(2.0 * float(form.halfLength), float(form.radius))
-    return None
+    raise ValueError(f"it is a {type(form).__name__}")
 
 
 def _mesh(file: Path, mesh: Mesh) -> Any:

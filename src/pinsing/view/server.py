@@ -73,8 +73,9 @@ class PagePart(_Quiet):
     """A file of the page, held in memory."""
 
     def prepare(self) -> None:
-        """Judge host and token."""
-        policy = self.site.policy(self.request.host, self.path_args[0] or "")
+        """Judge host and token; an address without one is refused."""
+        token = self.path_args[0] if self.path_args else ""
+        policy = self.site.policy(self.request.host, token or "")
         self.set_header("Content-Security-Policy", policy)
 
     def set_default_headers(self) -> None:
@@ -106,14 +107,6 @@ class PagePart(_Quiet):
         charset = "; charset=utf-8" if isinstance(content, str) else ""
         self.set_header("Content-Type", kind + charset)
         self.write(content)
-
-
-class Nothing(PagePart):
-    """Any address without a token."""
-
-    def prepare(self) -> None:
-        """Refuse."""
-        raise HTTPError(403)
 
 
 @stream_request_body
@@ -386,7 +379,7 @@ class Server:
                 (r"/([^/]+)/live", Live, {"site": self}),
                 (r"/([^/]+)/trajectory", Dropped, {"site": self}),
                 (r"/([^/]+)/([^/]*)", PagePart, {"site": self}),
-                (r".*", Nothing, {"site": self}),
+                (r".*", PagePart, {"site": self}),
             ],
             log_function=lambda handler: None,
             websocket_max_message_size=1024,  # pages say nothing
