@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from dataclasses import dataclass
+from collections.abc import Sequence
 from itertools import product
 from typing import Any, Literal
 
@@ -32,75 +32,55 @@ LOST = "#C4187C"
 HOT = "#D55E00"
 
 
-@dataclass(frozen=True, eq=False)
-class Skeleton:
-    """Where the joints of an arm are at one configuration."""
+def draw_skeleton(ax: Any, arm: Arm, q: Array, hot: Sequence[int] = ()) -> tuple[Array, float]:
+    """Draw an arm: bones, joints, and the axes that depend on each other (``hot``) thin.
 
-    points: Array  # (k, 3): the base, each joint from there on, and the tip, metres in the base
-    joints: Array  # (n, 3): the free joints alone
-    axes: Array  # (n, 3): their unit directions
-    prismatic: Array  # (n,) of bool: which of them slide
-
-    @property
-    def size(self) -> float:
-        """Largest distance of a point from the base, metres."""
-        return float(np.linalg.norm(self.points - self.points[0], axis=1).max()) or 1.0
-
-
-def skeleton(arm: Arm, q: Array) -> Skeleton:
-    """The joints of ``arm`` at q (n,)."""
+    Returns the points (k, 3) of the base, each joint from there on, and the tip, metres in the
+    base; and the largest distance of one from the base.
+    """
     model = arm.model
     data = model.createData()
     pin.framesForwardKinematics(model, data, arm.model_q(q))
-    chain = list(model.supports[model.frames[arm.tip_id].parentJoint])
-    names = {str(name): j for j, name in enumerate(model.names)}
-    named = [(name, names[name]) for name in arm.joints]
-    places = [data.oMi[j].translation for j in chain]  # the first is the base
-    return Skeleton(
-        points=np.array([*places, data.oMf[arm.tip_id].translation]),
-        joints=np.array([data.oMi[j].translation for _, j in named]),
-        axes=np.array([data.oMi[j].rotation @ joint_axis(model.joints[j], n)[0] for n, j in named]),
-        prismatic=np.array(arm.prismatic),
-    )
-
-
-def draw_skeleton(ax: Any, bones: Skeleton, hot: tuple[int, ...] = ()) -> None:
-    """Draw an arm: bones, joints, and the axes that depend on each other (``hot``) thin."""
-    ax.plot(*bones.points.T, color=BONE, linewidth=3.2, solid_capstyle="round", zorder=2)
-    ax.plot(*bones.points[:1].T, "s", color=BONE, markersize=7, zorder=2)
+    names = list(model.names)
+    places = [data.oMi[j] for j in model.supports[model.frames[arm.tip_id].parentJoint]]
+    # The first is the base.
+    points = np.array([place.translation for place in (*places, data.oMf[arm.tip_id])])
+    size = float(np.linalg.norm(points - points[0], axis=1).max()) or 1.0
+    joints = np.array([data.oMi[names.index(name)].translation for name in arm.joints])
+    ax.plot(*points.T, color=BONE, linewidth=3.2, solid_capstyle="round", zorder=2)
+    ax.plot(*points[:1].T, "s", color=BONE, markersize=7, zorder=2)
     for slides, marker in ((False, "o"), (True, "D")):
-        some = bones.joints[bones.prismatic == slides]
+        some = joints[arm.prismatic == slides]
         if len(some):
             ax.plot(*some.T, marker, color="white", markeredgecolor=BONE, markersize=4.5, zorder=3)
-    for number, j in enumerate(i for i in hot if not bones.prismatic[i]):
-        reach = 0.55 * bones.size * bones.axes[j]
-        ends = np.stack([bones.joints[j] - reach, bones.joints[j] + reach], axis=1)
-        label = "" if number else "joint axes that depend on each other"
-        ax.plot(*ends, color=HOT, linewidth=0.9, label=label, zorder=2)
+    label = "joint axes that depend on each other"
+    for i in hot:
+        if not arm.prismatic[i]:
+            j = names.index(arm.joints[i])
+            axis = data.oMi[j].rotation @ joint_axis(model.joints[j], arm.joints[i])[0]
+            ends = joints[i] + 0.55 * size * np.array([[-1.0], [1.0]]) * axis
+            ax.plot(*ends.T, color=HOT, linewidth=0.9, label=label, zorder=2)
+            label = ""
+    return points, size
 
 
-def draw_lost(ax: Any, state: State, size: float, center: Array) -> None:
+def draw_lost(ax: Any, state: State, size: float) -> None:
     """Draw each lost motion once, with its words in the legend; far ones in words only."""
     # A translation or a motion along a line is a line with arrows at both ends, a rotation has a
     # circle about it, a screw both.
     for lost in state.lost:
-        through = center + (lost.point - state.tip_position)
         # Lost motions about lines farther from the tip than this, in sizes of the arm,
         # are not drawn
-        if np.linalg.norm(through - center) > 1.5 * size:
-            words = "\n".join(textwrap.wrap(f"{lost.words} (outside the picture)", 62))
-            ax.plot([], [], [], color=LOST, linestyle="--", linewidth=1.5, label=words)
-            continue
-        words = "\n".join(textwrap.wrap(lost.words, 62))
-        ends = 0.5 * size * np.array([-1.0, 1.0])[:, None] * lost.direction + through
-        ax.plot(*ends.T, color=LOST, linestyle="--", linewidth=1.5, label=words, zorder=5)
-        if lost.kind != "rotation":
-            for end in ends:
-                _arrow(
-                    ax, end, (end - through) / (0.5 * size), _across(lost.direction), 0.09 * size
-                )
-        if lost.kind in ("rotation", "screw"):
-            _turn(ax, lost, through, 0.2 * size)
+        far = np.linalg.norm(lost.point - state.tip_position) > 1.5 * size
+        words = "\n".join(textwrap.wrap(lost.words + " (outside the picture)" * bool(far), 62))
+        ends = lost.point + 0.5 * size * np.array([[-1.0], [1.0]]) * lost.direction
+        line = np.zeros((3, 0)) if far else ends.T
+        ax.plot(*line, color=LOST, linestyle="--", linewidth=1.5, label=words, zorder=5)
+        if lost.kind != "rotation" and not far:
+            for end, sign in zip(ends, (-1.0, 1.0), strict=True):
+                _arrow(ax, end, sign * lost.direction, _across(lost.direction), 0.09 * size)
+        if lost.kind in ("rotation", "screw") and not far:
+            _turn(ax, lost, 0.2 * size)
 
 
 def _arrow(ax: Any, end: Array, direction: Array, across: Array, length: float) -> None:
@@ -110,15 +90,15 @@ def _arrow(ax: Any, end: Array, direction: Array, across: Array, length: float) 
         ax.plot(*np.stack([back, end], axis=1), color=LOST, linewidth=1.5, zorder=5)
 
 
-def _turn(ax: Any, lost: LostMotion, through: Array, radius: float) -> None:
+def _turn(ax: Any, lost: LostMotion, radius: float) -> None:
     """Most of a circle about the direction, with an arrow at its end."""
     x = _across(lost.direction)
     y = np.cross(lost.direction, x)
     t = np.linspace(0.0, 1.6 * np.pi, 60)[:, None]
-    circle = through + radius * (np.cos(t) * x + np.sin(t) * y)
+    circle = lost.point + radius * (np.cos(t) * x + np.sin(t) * y)
     ax.plot(*circle.T, color=LOST, linewidth=1.5, zorder=5)
     heading = (circle[-1] - circle[-2]) / np.linalg.norm(circle[-1] - circle[-2])
-    _arrow(ax, circle[-1], heading, (circle[-1] - through) / radius, 0.4 * radius)
+    _arrow(ax, circle[-1], heading, (circle[-1] - lost.point) / radius, 0.4 * radius)
 
 
 def _across(direction: Array) -> Array:
@@ -242,31 +222,26 @@ def ellipsoids(
         found = {k: Ellipsoid(getattr(state, k).axes, getattr(state, k).radii) for k in KINDS}
     flat = [_flat_axes(state, found[name]) for name in kinds]
     normals = np.concatenate([f for f in flat if len(f) == 1] or [np.zeros((0, 3))])
-    every: tuple[Any, ...] = (ax,) * len(kinds)
+    count = len(kinds)
+    every = [ax] * count
     if ax is None:
-        every = _new(len(kinds), arm is not None)
+        size = (count * COLUMN, 3.3 if arm is None else 4.0)
+        figure = plt.figure(figsize=size, layout="constrained")
+        every = [figure.add_subplot(1, count, k + 1, projection="3d") for k in range(count)]
+        figure.suptitle(f"{plain(state.arm.name)}: {state.status}", fontsize=SMALL + 1)
     for each, name in zip(every, kinds, strict=True):
         each.set_title(f"{_WHICH[name, motions]} [{_UNIT[name]}]", fontsize=SMALL)
         if arm is None:
             _alone(each, state, name, found[name])
         else:
             _at_tip(each, state, name, found[name], arm, normals)
-        if len(kinds) == 1:
-            legend_below(each, 1, at=(0.5, -0.1))
-    if ax is not None and len(kinds) > 1:
+    if ax is not None and count > 1:
         ax.set_title(f"velocity ellipsoids, {motions} motions", fontsize=SMALL)
-        legend_below(ax, 1, at=(0.5, -0.1))
-    if ax is None and len(kinds) > 1:
+    if ax is None and count > 1:
         legend_of_all(every)
-    if ax is None:
-        every[0].figure.suptitle(f"{plain(state.arm.name)}: {state.status}", fontsize=SMALL + 1)
+    else:
+        legend_below(every[0], 1, at=(0.5, -0.1))
     return every[0]
-
-
-def _new(count: int, tall: bool) -> tuple[Any, ...]:
-    """As many 3D axes side by side, each a column wide."""
-    figure = plt.figure(figsize=(count * COLUMN, 4.0 if tall else 3.3), layout="constrained")
-    return tuple(figure.add_subplot(1, count, k + 1, projection="3d") for k in range(count))
 
 
 def _alone(ax: Any, state: State, name: str, e: Ellipsoid) -> None:
@@ -280,27 +255,31 @@ def _alone(ax: Any, state: State, name: str, e: Ellipsoid) -> None:
         ax.plot(*ends, color=LOST, linestyle="--", linewidth=1.4, label=label)
     show_whole(ax, size * np.array([[-1.0] * 3, [1.0] * 3]))
     what = "v" if name == "translational" else r"\omega"
+    _label(ax, f"${what}_{{}}$ [{_UNIT[name]}]")
+
+
+def _label(ax: Any, text: str) -> None:
+    """Label the three axes; each letter goes into the braces of a text."""
     for letter in "xyz":
-        label = f"${what}_{letter}$ [{_UNIT[name]}]"
+        label = text.format(letter)
         getattr(ax, f"set_{letter}label")(label, fontsize=SMALL, labelpad=-4)
 
 
 def _at_tip(ax: Any, state: State, name: str, e: Ellipsoid, arm: Arm, normals: Array) -> None:
     """The arm in metres, an ellipsoid at its tip, and what is lost there."""
-    bones = skeleton(arm, state.q)
-    # Largest semi-axis that is drawn, in sizes of the arm
-    scale = _round_scale(0.4 * bones.size / max(float(e.radii[0]), 1e-9))
-    draw_skeleton(ax, bones, tuple(sorted({i for d in state.dependences for i in d.indices})))
+    hot = sorted({i for d in state.dependences for i in d.indices})
+    points, size = draw_skeleton(ax, arm, state.q, hot)
+    # Largest semi-axis that is drawn, in sizes of the arm: a round number
+    scale = 0.4 * size / max(float(e.radii[0]), 1e-9)
+    power = 10.0 ** math.floor(math.log10(scale))
+    scale = power * max(k for k in (1, 1.5, 2, 3, 4, 5, 7) if k * power <= scale * (1 + 1e-12))
     _surface(ax, e, scale, state.tip_position, name)
     _legend(ax, name, e, f"\n(1 {_UNIT[name]} is drawn {scale:g} m long)")
-    draw_lost(ax, state, bones.size, state.tip_position)
+    draw_lost(ax, state, size)
     radius = scale * float(e.radii[0])
-    show_whole(
-        ax, np.array([*bones.points, state.tip_position + radius, state.tip_position - radius])
-    )
-    look_obliquely(ax, normals, bones.points)
-    for letter in "xyz":
-        getattr(ax, f"set_{letter}label")(f"${letter}$ [m]", fontsize=SMALL, labelpad=-4)
+    show_whole(ax, np.array([*points, state.tip_position + radius, state.tip_position - radius]))
+    look_obliquely(ax, normals, points)
+    _label(ax, "${}$ [m]")
 
 
 def _surface(ax: Any, e: Ellipsoid, scale: float, center: Array, name: str) -> None:
@@ -329,9 +308,3 @@ def _flat_axes(state: State, e: Ellipsoid) -> Array:
         return np.zeros((0, 3))
     limit = SINGULAR_RTOL if state.singular else PRACTICAL
     return np.asarray(e.axes.T[e.radii <= max(limit, 10 * state.rtol) * e.radii[0]])
-
-
-def _round_scale(scale: float) -> float:
-    """A round number not above ``scale``, and not far below."""
-    power = 10.0 ** math.floor(math.log10(scale))
-    return power * max(k for k in (1, 1.5, 2, 3, 4, 5, 7) if k * power <= scale * (1 + 1e-12))
