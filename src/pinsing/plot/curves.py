@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from itertools import cycle
 
 import numpy as np
+from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -151,10 +152,8 @@ def _rest(result: SweepResult, fixed: Mapping[str, float], degrees: bool) -> str
         for j, name in enumerate(arm.joints)
         if name not in fixed
     ]
-    half = (len(said) + 1) // 2
-    lines = (
-        [", ".join(said)] if len(said) <= 4 else [", ".join(said[:half]), ", ".join(said[half:])]
-    )
+    half = len(said) if len(said) <= 4 else (len(said) + 1) // 2
+    lines = [", ".join(some) for some in (said[:half], said[half:]) if some]
     return "a joint that does not move rests at " + ",\n".join(lines)
 
 
@@ -257,7 +256,11 @@ def sigma_along(
         t = np.degrees(t)
     met = () if forms is None else tuple(crossings(forms, Q))
     places = np.interp([one.t for one in met], np.arange(len(Q)), t)
-    Q, t = _with_crossings(Q, t, met, places)
+    between = [k for k, one in enumerate(met) if abs(one.t - round(one.t)) > 1e-9]
+    if between:
+        behind = [int(np.ceil(met[k].t)) for k in between]
+        Q = np.insert(Q, behind, [met[k].q for k in between], 0)
+        t = np.insert(t, behind, places[between])
     sigma, ratio = measure(arm, Q)
     drawn = np.maximum(sigma, 1e-12)  # a logarithm has no zero
     ax = new_axes() if ax is None else ax
@@ -298,19 +301,6 @@ def sigma_along(
 
 _ROW = 9
 """Points from one row of families' names to the next."""
-
-
-def _with_crossings(
-    Q: Array, t: Array, met: Sequence[Crossing], places: Array
-) -> tuple[Array, Array]:
-    """Configurations, and those between two of them at which a family is met."""
-    between = [k for k, one in enumerate(met) if abs(one.t - round(one.t)) > 1e-9]
-    if not between:
-        return Q, t
-    behind = [int(np.ceil(met[k].t)) for k in between]
-    return np.insert(Q, behind, [met[k].q for k in between], 0), np.insert(
-        t, behind, places[between]
-    )
 
 
 def _mark_crossings(ax: Axes, met: Sequence[Crossing], places: Array, length: float) -> int:
@@ -388,8 +378,6 @@ def path_sheet(plan: PathPlan, form: ClosedForm) -> Figure:
     clearance with what is free kept, as far as each branch goes; below, where something was free,
     the greatest clearance over the branches at each pose and value, with the path drawn in.
     """
-    from matplotlib import pyplot as plt
-
     if plan.reason:
         raise ValueError(f"there is no path to draw: {plan.reason}")
     wide = len(plan.grid) > 1

@@ -133,11 +133,8 @@ def grid_axis(low: float, high: float, steps: int, prismatic: bool) -> Array:
 
 def grid_points(axes: list[Array], start: int, stop: int) -> Array:
     """Points ``start`` to ``stop`` of the grid of ``axes``, the last joint fastest: (N, k)."""
-    out, left = np.empty((stop - start, len(axes))), np.arange(start, stop)
-    for k in range(len(axes) - 1, -1, -1):
-        left, place = np.divmod(left, len(axes[k]))
-        out[:, k] = axes[k][place]
-    return out
+    places = np.unravel_index(np.arange(start, stop), [len(axis) for axis in axes])
+    return np.stack([axis[place] for axis, place in zip(axes, places, strict=True)], axis=1)
 
 
 COUNT = 1 << 20

@@ -262,7 +262,7 @@ def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, A
             "nearRtol": NEAR_RTOL,
             "size": task_size(arm),
             "length": own_scale(arm).length,
-            "columns": numbers(own_scale(arm).columns),
+            "columns": own_scale(arm).columns.tolist(),
         },
         "joints": joint_data(arm.joints, arm.prismatic, arm.lower, arm.upper),
         "speeds": _speeds(SpeedJudge(arm)),
@@ -324,11 +324,11 @@ def chain_data(
         joints.append(
             {
                 "parent": int(model.parents[j]) - 1,
-                "R": rows_of(place.rotation),
-                "t": numbers(place.translation),
-                "axis": numbers(axis),
+                "R": place.rotation.tolist(),
+                "t": place.translation.tolist(),
+                "axis": axis.tolist(),
                 "prismatic": slides,
-                "weights": numbers(matrix[row]),
+                "weights": matrix[row].tolist(),
                 "offset": float(offset[row]),
             }
         )
@@ -340,8 +340,8 @@ def frame_data(model: pin.Model, frame_id: int) -> dict[str, Any]:
     frame = model.frames[frame_id]
     return {
         "parent": int(frame.parentJoint) - 1,
-        "R": rows_of(frame.placement.rotation),
-        "t": numbers(frame.placement.translation),
+        "R": frame.placement.rotation.tolist(),
+        "t": frame.placement.translation.tolist(),
     }
 
 
@@ -410,13 +410,3 @@ def _where(entry: Entry, family: Family, branch: Branch, symbols: Sequence[str])
         long = len(entry.text) > _LONGEST
         words = f"{entry.text[: _LONGEST - 2].rstrip()} …" if long else entry.text
     return f"{family.title}: {words}" if family.title else words
-
-
-def rows_of(matrix: Array) -> list[list[float]]:
-    """Rows of a matrix, ready for JSON."""
-    return [numbers(row) for row in np.asarray(matrix)]
-
-
-def numbers(values: Array) -> list[float]:
-    """Numbers, ready for JSON."""
-    return [float(x) for x in np.asarray(values).ravel()]

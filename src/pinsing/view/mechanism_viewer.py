@@ -30,7 +30,7 @@ from pinsing.loops.structure import (
 )
 from pinsing.measures import ALIKE, NEAR_RTOL, ROUNDING, SINGULAR_RTOL
 from pinsing.robot.mechanism import Mechanism, closing
-from pinsing.view.entries import chain_data, frame_data, joint_data, numbers, sizes_data
+from pinsing.view.entries import chain_data, frame_data, joint_data, sizes_data
 from pinsing.view.links import geometry as mg
 from pinsing.view.scene import (
     HOT,
@@ -74,7 +74,7 @@ def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> 
             for loop, a, b in zip(m.loops, *closing(m), strict=True)
         ],
         "task": {"rows": list(m.task.rows), "lengthScale": m.length_scale},
-        "metric": numbers(m.space.metric),
+        "metric": m.space.metric.tolist(),
         "joints": joint_data(m.joints, m.prismatic, m.lower, m.upper),
         "actuated": list(m.actuated),
         "ranks": {
@@ -83,11 +83,11 @@ def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> 
             "output": generic.output,
         },
         "judge": {"rtol": SINGULAR_RTOL, "nearRtol": NEAR_RTOL},
-        "home": numbers(home(m)),
+        "home": home(m).tolist(),
         "assembly": None if rows is None else {"rows": rows, "sign": sign},
         "pose": led_pose(m),
         "balls": [
-            {"joints": list(ball.joints), "centre": numbers(ball.point)} for ball in hinged_balls(m)
+            {"joints": list(ball.joints), "centre": ball.point.tolist()} for ball in hinged_balls(m)
         ],
         "legs": [list(leg.joints) for leg in structure(m).legs],
         "elbows": [
@@ -100,7 +100,7 @@ def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> 
             }
             for e in elbows(m)
         ],
-        "normal": None if normal is None else numbers(np.asarray(normal)),
+        "normal": None if normal is None else normal.tolist(),
         "sizes": sizes_data(sizes),
     }
 

@@ -13,6 +13,7 @@ import shutil
 import subprocess
 import tempfile
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -131,7 +132,10 @@ def _taken(browser: str, url: str, size: tuple[int, int]) -> bytes:
             stderr=subprocess.PIPE,
         )
         try:
-            return _run(_capture(_debugging_address(process, Path(profile)), url, size))
+            address = _debugging_address(process, Path(profile))
+            work = asyncio.wait_for(_capture(address, url, size), _SECONDS)
+            with ThreadPoolExecutor(1) as pool:  # a loop may be running here (a notebook)
+                return pool.submit(asyncio.run, work).result()
         except BaseException:
             process.kill()
             raise
@@ -174,14 +178,6 @@ def _debugging_address(process: subprocess.Popen[bytes], profile: Path) -> str:
                 return f"ws://127.0.0.1:{match.group(1)}{match.group(2)}"
         time.sleep(0.05)
     raise OutputError("the browser did not start within 30 s")
-
-
-def _run(work: Any) -> bytes:
-    """Run a coroutine, also where a loop is already running (a notebook)."""
-    from concurrent.futures import ThreadPoolExecutor
-
-    with ThreadPoolExecutor(1) as pool:
-        return bytes(pool.submit(asyncio.run, asyncio.wait_for(work, _SECONDS)).result())
 
 
 async def _capture(address: str, url: str, size: tuple[int, int]) -> bytes:
