@@ -10,8 +10,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (39_674, 30_000),
-    "Python in src: lines": (74_328, 56_000),
+    "Python in src: statements": (39_613, 30_000),
+    "Python in src: lines": (74_214, 56_000),
     "C++, JavaScript, templates, styles: lines": (13_212, 9_500),
     "modules": (206, 220),
     "packages directly under pinsing": (16, 16),

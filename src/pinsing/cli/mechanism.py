@@ -423,7 +423,7 @@ def typed_inputs(mechanism: Mechanism, texts: Sequence[str], deg: bool) -> Array
     if not texts:
         return home(mechanism)[list(mechanism.actuated)]
     OptionError.refuse_if(len(texts) > 1, "give --q once: the values of the actuated joints")
-    values = np.array(parse_numbers(texts[0], "--q", False), dtype=float)
+    values = np.array(parse_numbers(texts[0], "--q", deg), dtype=float)
     ConfigurationError.refuse_if(
         values.shape != (len(mechanism.inputs),),
         f"--q needs {len(mechanism.inputs)} values for the actuated joints "

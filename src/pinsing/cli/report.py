@@ -10,7 +10,7 @@ import click
 
 from pinsing.cli import completion
 from pinsing.cli.check import file_options, read_samples, with_aspects
-from pinsing.cli.mechanism import loops_option, read
+from pinsing.cli.mechanism import loops_option, read, typed_inputs
 from pinsing.cli.options import (
     RobotRequest,
     arm_options,
@@ -46,8 +46,6 @@ def _report_loops(
     **options: Any,
 ) -> None:
     """``report --loops``: of a mechanism."""
-    import numpy as np
-
     _check_pdf(pdf)
     OptionError.refuse_if(
         prove != "auto", "--prove does not go with --loops: there are certificates of arms only"
@@ -58,13 +56,10 @@ def _report_loops(
             f"--{name} is for arms: leave it out, or take one with --no-loops",
         )
     mechanism = read(loops, options)
-    sliding = mechanism.prismatic[list(mechanism.actuated)]
-    given: dict[str, Array] = {}
-    for k, text in enumerate(poses, 1):
-        values = mechanism.check_inputs(parse_numbers(text, "--q", deg))
-        given[f"given configuration {k}"] = np.where(
-            sliding | (not deg), values, np.radians(values)
-        )
+    given = {
+        f"given configuration {k}": typed_inputs(mechanism, [text], deg)
+        for k, text in enumerate(poses, 1)
+    }
     _write(mechanism, html, pdf, page, skeleton, given, None)
 
 

@@ -336,15 +336,6 @@ def _made(started: float) -> dict[str, Any]:
     return {"made": now, "seconds": time.monotonic() - started, "versions": versions}
 
 
-def embedded(page: str) -> str:
-    """The interactive page in a frame, loaded when it is opened."""
-    return (
-        '<details class="screen"><summary>Open the interactive model here</summary>'
-        '<iframe loading="lazy" title="Interactive model of the robot" '
-        f'srcdoc="{html.escape(page)}"></iframe></details>'
-    )
-
-
 def _policy(page: str | None) -> str:
     """Nothing from anywhere; of scripts only those of the page inside, by their hashes."""
     parts = ["default-src 'none'", "base-uri 'none'", "form-action 'none'"]
@@ -374,7 +365,12 @@ def model(page: str | None, beside: str | None) -> Section | None:
             "The robot in three dimensions, with sliders for its joints, the families to visit, "
             "and the distance to the nearest one while it moves. It runs in this file alone."
         )
-        return section("model", "Interactive model", paragraph(text(words)), embedded(page))
+        frame = (
+            '<details class="screen"><summary>Open the interactive model here</summary>'
+            '<iframe loading="lazy" title="Interactive model of the robot" '
+            f'srcdoc="{html.escape(page)}"></iframe></details>'
+        )
+        return section("model", "Interactive model", paragraph(text(words)), frame)
     if beside is not None:
         link = f'<a href="{text(beside)}">{text(beside)}</a>'
         words = "The robot in three dimensions, with sliders for its joints, is in the file beside:"
@@ -468,10 +464,9 @@ def map_planes(arm: Arm, families: Sequence[Family]) -> list[tuple[int, int]]:
 def _shows(branch: Branch, pair: tuple[int, int]) -> bool:
     """Return True if a branch meets the plane of two joints, whatever the others are."""
     values = {v.joint for v in branch.values}
-    if not values <= set(pair):
-        return False
     return (
-        all(set(e.involved) & set(pair) for e in branch.equations)
+        values <= set(pair)
+        and all(set(e.involved) & set(pair) for e in branch.equations)
         and len(branch.equations) + len(values) <= 2
     )
 

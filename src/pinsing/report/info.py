@@ -70,11 +70,11 @@ class SingularPose:
 def singular_poses(arm: Arm) -> tuple[SingularPose, ...]:
     """Zero, neutral and named poses of an arm that are singular."""
     exact = nominal(arm).arm
-    named = [
-        (name, q)
-        for name, q in _poses(arm)
-        if min(float(ratios(exact, q)[0]), float(ratios(arm, q)[0])) <= SINGULAR_RTOL
-    ]
+    named: list[tuple[str, Array]] = []
+    for name, q in (("zero", np.zeros(arm.n)), *_named_poses(arm, neutral=arm.source.reference)):
+        known = any(np.array_equal(q, other) for _, other in named)
+        if not known and min(float(ratios(a, q)[0]) for a in (exact, arm)) <= SINGULAR_RTOL:
+            named.append((name, q))
     if not named:
         return ()
     form = closed_form(arm, seconds=_SECONDS, prove=False)
@@ -89,15 +89,6 @@ def singular_poses(arm: Arm) -> tuple[SingularPose, ...]:
         on = tuple(f.name for f in form.families if f.real and bool(f.contains(q)))
         out.append(SingularPose(name, q, bool(arm.within_limits(q)), on, instead, clearance))
     return tuple(out)
-
-
-def _poses(arm: Arm) -> list[tuple[str, Array]]:
-    """Zero, neutral and named poses, none twice."""
-    found = [("zero", np.zeros(arm.n))]
-    for name, q in _named_poses(arm, neutral=arm.source.reference):
-        if not any(np.array_equal(q, other) for _, other in found):
-            found.append((name, q))
-    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,7 +272,10 @@ def gather(
     forms = closed_form(arm) if forms is None else forms
     # Where to go, and how far it is, if there are any that a configuration can be on.
     real = any(f.real for f in forms.families)
-    clearest = _clearest(arm, forms) if real else None
+    clearest = None
+    if real:
+        with contextlib.suppress(PinsingError):  # nothing clear within the limits
+            clearest = suggest(arm, forms=forms, work=2.0)
     asked = {**special_poses(arm), **(poses or {})}
     if clearest is not None:
         asked["clearest found"] = clearest.q
@@ -314,13 +308,6 @@ def _named_poses(arm: Arm, **more: Array) -> Iterator[tuple[str, Array]]:
     for name, full in (*more.items(), *((str(e.key()), np.array(e.data())) for e in named)):
         with contextlib.suppress(PinsingError):  # locked joints stand elsewhere in it
             yield name, arm.q_of(full)
-
-
-def _clearest(arm: Arm, forms: ClosedForm) -> Suggestion | None:
-    """Where to go: far from all families."""
-    with contextlib.suppress(PinsingError):  # nothing clear within the limits
-        return suggest(arm, forms=forms, work=2.0)
-    return None
 
 
 def _pose(arm: Arm, family: Family, families: tuple[Family, ...]) -> tuple[Arm, State] | None:
