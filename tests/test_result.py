@@ -249,6 +249,13 @@ def _results() -> dict[str, Any]:
     }
 
 
+SCHEMAS = {f"pinsing/{name}/1" for name in (
+    "analysis", "aspects", "clearance", "connection", "crossings", "cuspidality", "distance",
+    "inverse", "inverse_solution", "inverse_velocity", "line_check", "posture_changes", "state",
+    "suggestion", "trajectory_check", "verdict",
+)} | {"pinsing/closed_form/2"}  # fmt: skip
+
+
 def test_every_result_prints_its_text_and_shows_it_in_a_notebook() -> None:
     for name, result in _results().items():
         said = str(result)
@@ -259,3 +266,4 @@ def test_every_result_prints_its_text_and_shows_it_in_a_notebook() -> None:
         )
         assert type(result).from_json(result.to_json()).to_json() == result.to_json(), name
         assert result._repr_html_().startswith("<"), name
+        assert result.schema in SCHEMAS, "another version: what was saved before has to be read too"
