@@ -1,13 +1,12 @@
 """The compiled batch kernel against NumPy, LAPACK and Pinocchio, on every instruction set here."""
 
 import os
-import subprocess
-import sys
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from batch_cases import PANDA, UR5, close, flat, lapack, random_chain, reference_jacobian, robot
+from command_line import python
 from kernel import require_kernel
 from tiers import sampled, tiered
 
@@ -234,16 +233,9 @@ def test_the_kernel_itself_checks_shapes(isa: str) -> None:
         engine._kernel.jacobians(*arrays, np.zeros((3, 6)), np.empty((2, 6, 6)), isa, 1)
     with pytest.raises(ValueError, match="Q must have shape"):
         engine._kernel.jacobians(*arrays, np.zeros((3, 5)), np.empty((3, 6, 5)), isa, 1)
+    less = (chain.R[1:].copy(), *arrays[1:])
     with pytest.raises(ValueError, match="R must have shape"):
-        engine._kernel.jacobians(
-            chain.R[1:].copy(),
-            chain.t,
-            chain.prismatic,
-            np.zeros((3, 6)),
-            np.empty((3, 6, 6)),
-            isa,
-            1,
-        )
+        engine._kernel.jacobians(*less, np.zeros((3, 6)), np.empty((3, 6, 6)), isa, 1)
     with pytest.raises(ValueError, match="not covered"):
         engine._kernel.svdvals(np.zeros((3, 7, 7)), np.empty((3, 7)), isa, 1, 50, True)
 
@@ -257,5 +249,4 @@ def test_without_the_extension_the_reason_is_given(isa: str) -> None:
         "except RuntimeError as error: print(error)\n"
         "assert 'reinstall' in engine.unavailable_reason()"
     )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert "compiler" in run.stdout
+    assert "compiler" in python("-c", code, check=True).stdout

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import run
+from command_line import python, run
 from kernel import needs_kernel
 from tiers import sampled, tiered
 from urdf_texts import LIMIT
@@ -30,12 +30,6 @@ from pinsing.sampling.analyze import Analysis
 from pinsing.sampling.sweep_run import load_npz
 
 URDF = Path(__file__).parent.parent / "urdf"
-
-
-def process(*words: str, **more) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "pinsing", *words], capture_output=True, text=True, **more
-    )
 
 
 def started(*words: str) -> subprocess.Popen[str]:
@@ -55,11 +49,13 @@ class TestProcess:
             "    parts = {f'pinsing.cli.{place}' for place, _ in COMMANDS.values()}\n"
             "    print(*sorted(have & parts), file=sys.stderr)"
         )
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+        done = python("-c", code)
         assert (done.returncode, done.stderr) == (0, "\npinsing.cli.robots\n")
 
     def test_results_and_messages_do_not_mix(self):
-        done = process("at", "ur5", "--q", "0,-1,1,0,0,0", "--no-distances", "-o", "-")
+        done = python(
+            "-m", "pinsing", *["at", "ur5", "--q", "0,-1,1,0,0,0", "--no-distances", "-o", "-"]
+        )
         assert done.returncode == 0
         assert json.loads(done.stdout)["schema"] == "pinsing/state/1"
         assert "note: tip tool0 (" in done.stderr
@@ -74,7 +70,8 @@ class TestProcess:
     @pytest.mark.slow
     def test_names_that_the_terminal_cannot_show(self, write_urdf):
         path = write_urdf([("revolute", '<axis xyz="0 0 1"/>' + LIMIT)], names=["gelenk_ä"])
-        done = process("list", str(path), env={**os.environ, "PYTHONIOENCODING": "ascii"})
+        env = {**os.environ, "PYTHONIOENCODING": "ascii"}
+        done = python("-m", "pinsing", "list", path, env=env)
         assert done.returncode == 0
         assert "gelenk_\\xe4" in done.stdout
 

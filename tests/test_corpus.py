@@ -2,12 +2,12 @@
 
 import copy
 import importlib.util
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import python
 
 CORPUS = Path(__file__).parent.parent / "scripts" / "corpus"
 KEY = "seed 17"
@@ -93,11 +93,8 @@ def test_a_regular_point_stated_as_singular_is_a_loss(entries, frozen):
 @pytest.mark.slow
 def test_the_command_freezes_resumes_and_compares(tmp_path):
     file = tmp_path / "corpus.json.xz"
-    run = [sys.executable, str(CORPUS)]
-    for words in (["make", str(file)], ["compare", str(file), "--fresh"]):
-        done = subprocess.run(
-            [*run, *words, "--only", "seed 171"], capture_output=True, text=True, check=False
-        )
+    for words in (["make", file], ["compare", file, "--fresh"]):
+        done = python(CORPUS, *words, "--only", "seed 171")
         assert done.returncode == 0, done.stderr
     assert done.stdout == ""
     assert "0 losses" in done.stderr

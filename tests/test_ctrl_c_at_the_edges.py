@@ -1,9 +1,7 @@
 """Ctrl-C before the work begins and after it is done: the exit code tells, and no traceback."""
 
-import subprocess
-import sys
-
 import pytest
+from command_line import python
 
 AT_IMPORT = """
 import os, signal, sys
@@ -26,9 +24,7 @@ program()
 
 
 def ended(code):
-    return subprocess.run(
-        [sys.executable, "-c", code + RUN], capture_output=True, text=True, timeout=60, check=False
-    )
+    return python("-c", code + RUN, timeout=60)
 
 
 @pytest.mark.parametrize("module", ["click", "pinsing.cli.app", "pinsing.description.catalog"])

@@ -2,11 +2,10 @@
 
 import ast
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from command_line import python
 from pages import NOT_RUN, ROOT, Reader, blocks, commands, reader as reader
 from public import REFERENCE, documented
 from tiers import tiered
@@ -69,15 +68,15 @@ def test_what_is_not_run_stands_somewhere():
 
 
 def test_dead_links_and_foreign_files_are_found(tmp_path: Path):
-    check = [sys.executable, str(ROOT / "scripts/check_site.py"), str(tmp_path)]
+    check = (ROOT / "scripts/check_site.py", tmp_path)
     good = '<h1 id="top">x</h1><a href="#top">y</a><a href="https://e.org">z</a>'
     (tmp_path / "index.html").write_text(good)
-    assert subprocess.run(check, capture_output=True, timeout=60).returncode == 0
+    assert python(*check, timeout=60).returncode == 0
     (tmp_path / "bad.html").write_text(
         '<a href="gone.html">x</a><a href="index.html#gone">y</a><img src="https://e.org/x.png">'
     )
     (tmp_path / "bad.css").write_text("@import url(//fonts.e.org/a.css);")
-    done = subprocess.run(check, capture_output=True, text=True, timeout=60)
+    done = python(*check, timeout=60)
     assert done.returncode == 1
     assert len(done.stdout.splitlines()) == 4
 

@@ -5,12 +5,11 @@ import json
 import os
 import re
 import runpy
-import subprocess
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from command_line import python
 from tiers import tiered
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
@@ -18,13 +17,8 @@ RECORDED = EXAMPLES / "recorded"
 
 
 def run(name: str, *words: object) -> str:
-    done = subprocess.run(
-        [sys.executable, str(EXAMPLES / name), *map(str, words)],
-        capture_output=True,
-        text=True,
-        env={**os.environ, "MPLBACKEND": "agg"},
-        timeout=300,
-    )
+    env = {**os.environ, "MPLBACKEND": "agg"}
+    done = python(EXAMPLES / name, *words, env=env, timeout=300)
     assert done.returncode == 0, done.stderr
     return done.stdout
 

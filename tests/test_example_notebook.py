@@ -2,12 +2,11 @@
 
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+from command_line import python
 
 NOTEBOOK = Path(__file__).parent.parent / "examples" / "12_notebook.ipynb"
 NEEDS = ("nbclient", "ipykernel")
@@ -41,9 +40,8 @@ def test_every_cell_runs_and_shows_what_the_text_says(tmp_path):
     for name in NEEDS:
         pytest.importorskip(name)
     done = tmp_path / "done.ipynb"
-    words = [sys.executable, "-c", RUN, str(NOTEBOOK), str(done)]
     own = {k: v for k, v in os.environ.items() if k != "MPLBACKEND"}  # the kernel's own is meant
-    ran = subprocess.run(words, capture_output=True, text=True, timeout=300, cwd=tmp_path, env=own)
+    ran = python("-c", RUN, NOTEBOOK, done, timeout=300, cwd=tmp_path, env=own)
     assert ran.returncode == 0, ran.stderr
     code = [c for c in json.loads(done.read_text())["cells"] if c["cell_type"] == "code"]
     assert [c["execution_count"] for c in code] == list(range(1, len(code) + 1))

@@ -4,8 +4,6 @@ A new package is entered in ORDER, above all that it imports.
 """
 
 import ast
-import subprocess
-import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -14,6 +12,7 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
+from command_line import python
 from public import script
 
 import pinsing
@@ -166,13 +165,8 @@ def modules_after(code: str) -> tuple[str, set[str]]:
 
     In a process of its own, since here everything is imported already.
     """
-    run = subprocess.run(
-        [sys.executable, "-c", f"{code}; import sys; print(*sys.modules, file=sys.stderr)"],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={"PYTHONPATH": str(SOURCE.parent), "PATH": ""},
-    )
+    listed = f"{code}; import sys; print(*sys.modules, file=sys.stderr)"
+    run = python("-c", listed, check=True, env={"PYTHONPATH": str(SOURCE.parent), "PATH": ""})
     return run.stdout, set(run.stderr.split())
 
 

@@ -2,10 +2,10 @@
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from command_line import python
 
 HIDING = """
 import builtins, ctypes, os, sys
@@ -51,14 +51,9 @@ def run(
     tmp_path: Path, *words: str, system: str = "darwin", call: str = ONE
 ) -> subprocess.CompletedProcess[str]:
     """The command in a process where those modules are hidden; of many one after the other."""
-    return subprocess.run(
-        [sys.executable, "-c", f"{HIDING}\nsys.platform = {system!r}\n{call}", *words],
-        env={"MPLBACKEND": "Agg", "PATH": "/usr/bin:/bin", "HOME": str(tmp_path)},
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
+    env = {"MPLBACKEND": "Agg", "PATH": "/usr/bin:/bin", "HOME": str(tmp_path)}
+    code = f"{HIDING}\nsys.platform = {system!r}\n{call}"
+    return python("-c", code, *words, env=env, cwd=tmp_path, timeout=120)
 
 
 ANSWERS = [

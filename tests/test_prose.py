@@ -14,10 +14,9 @@ import termios
 from collections.abc import Iterator
 
 import pytest
-from click.testing import CliRunner
+from command_line import run as pinsing_command
 from tiers import tiered
 
-from pinsing.cli.app import command
 from pinsing.prose import NARROWEST, WIDEST, Page, Table, alarm, columns, good, safe
 
 ANSI = re.compile(r"\x1b\[[0-9;]*m")
@@ -141,7 +140,7 @@ def at_width(width: int) -> Iterator[None]:
 
 
 def run(*words: str) -> str:
-    done = CliRunner().invoke(command, list(words), prog_name="pinsing")
+    done = pinsing_command(*words)
     assert done.exit_code == 0, done.output
     return done.stdout
 
@@ -175,7 +174,7 @@ def test_verdicts_are_coloured_on_a_terminal_alone():
     assert "\x1b[1;31mSINGULAR\x1b[0m: rank 5" in shown
     assert "(\x1b[32mproven\x1b[0m" in in_terminal(100, "families", "puma560")
     assert "\x1b" not in in_terminal(100, *singular, NO_COLOR="1")
-    piped = CliRunner().invoke(command, list(singular)).output
+    piped = pinsing_command(*singular).output
     assert "SINGULAR" in piped
     assert "\x1b" not in piped
 

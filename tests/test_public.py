@@ -2,13 +2,12 @@
 
 import importlib
 import pkgutil
-import subprocess
-import sys
 from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from command_line import python
 from tiers import tiered
 
 import pinsing
@@ -55,7 +54,7 @@ def test_modules_do_not_shadow_functions(first):
         "assert pinsing.sampling.sweep(arm, levels=1, samples=11).curves\n"
         "from pinsing.kinematics.refine import SingularConfiguration\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    done = python("-c", code)
     assert done.returncode == 0, done.stderr
 
 

@@ -2,11 +2,10 @@
 
 import importlib
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from command_line import python
 
 SCRIPTS = Path(__file__).parent.parent / "scripts"
 
@@ -17,18 +16,10 @@ def test_the_kernel_under_two_sanitizers(monkeypatch: pytest.MonkeyPatch) -> Non
     reason = importlib.import_module("fuzz.sanitize").missing()
     if reason:
         pytest.skip(reason)
-    done = subprocess.run(
-        [
-            sys.executable,
-            str(SCRIPTS / "fuzz" / "sanitize.py"),
-            "--", "-m", "not slow", "tests/test_batch.py", "tests/test_batch_roots.py",
-            "tests/kinematics/test_refine.py",
-        ],
-        capture_output=True,
-        text=True,
-        timeout=1500,
-        env={k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")},
-    )  # fmt: skip
+    files = ("test_batch.py", "test_batch_roots.py", "kinematics/test_refine.py")
+    words = ["--", "-m", "not slow", *(f"tests/{file}" for file in files)]
+    env = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")}
+    done = python(SCRIPTS / "fuzz" / "sanitize.py", *words, timeout=1500, env=env)
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
     assert " passed" in done.stdout
     assert "kernel: " in done.stdout

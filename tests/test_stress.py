@@ -3,14 +3,13 @@
 import copy
 import os
 import pickle
-import subprocess
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from command_line import python
 from tiers import tiered
 
 from pinsing import Arm, analyze, at, closed_form, load, singular_values
@@ -83,13 +82,9 @@ def test_results_do_not_change_with_the_number_of_threads():
     )
     found = set()
     for count in ("1", "2", "5"):
-        names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-        names += ("PINSING_NUM_THREADS",)
+        names = [f"{name}_NUM_THREADS" for name in ("OMP", "OPENBLAS", "MKL", "PINSING")]
         env = {**os.environ, **dict.fromkeys(names, count)}
-        run = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=env
-        )
-        found.add(run.stdout)
+        found.add(python("-c", code, check=True, env=env).stdout)
     assert len(found) == 1
     assert len(found.pop()) > 1000
 

@@ -6,15 +6,13 @@ import html
 import json
 import re
 import socket
-import subprocess
-import sys
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 
 import pinocchio as pin
 import pytest
-from command_line import run
+from command_line import python, run
 from urdf_texts import LIMIT, XACRO, joint, make_package, robot
 
 from pinsing import Viewer, analyze, closed_form, load
@@ -296,8 +294,7 @@ def test_nothing_is_written_but_the_named_output(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path / "in")
     (tmp_path / "tmp").mkdir()
     (tmp_path / "out").mkdir()
-    words = [sys.executable, "-m", "pinsing", "analyze", str(path), "-o", "../out/a.json"]
-    ended = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
+    ended = python("-m", "pinsing", "analyze", path, "-o", "../out/a.json", timeout=60)
     assert ended.returncode == 0, ended.stderr
     files = sorted(p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file())
     assert files == ["in/arm.xacro", "out/a.json"]

@@ -2,13 +2,12 @@
 
 import json
 import math
-import subprocess
-import sys
 import tracemalloc
 from pathlib import Path
 
 import pytest
 import xacro
+from command_line import python
 from xacro_escapes import ESCAPES, PLACES
 
 from pinsing.description import child_jail
@@ -144,9 +143,8 @@ def test_a_value_of_any_other_type_is_refused_where_it_turns_up():
 
 @pytest.fixture(scope="module")
 def attempts():
-    run = [sys.executable, str(Path(__file__).with_name("xacro_escapes.py"))]
-    done = subprocess.run(run, capture_output=True, text=True, check=True, timeout=200)
-    return json.loads(done.stdout)
+    script = Path(__file__).with_name("xacro_escapes.py")
+    return json.loads(python(script, check=True, timeout=200).stdout)
 
 
 @pytest.mark.slow
@@ -162,10 +160,7 @@ def test_the_same_attempts_are_seen_where_xacro_evaluates_by_itself():
         "import sys; sys.argv[1:] = ['plain']; import xacro_escapes as x\n"
         "x.ESCAPES = {'globals by vars': x.ESCAPES['globals by vars']}; x.main(True)"
     )
-    folder = Path(__file__).parent
-    run = [sys.executable, "-c", code]
-    done = subprocess.run(run, capture_output=True, text=True, check=True, cwd=folder)
-    seen = json.loads(done.stdout)["seen"]
+    seen = json.loads(python("-c", code, check=True, cwd=Path(__file__).parent).stdout)["seen"]
     assert sum("os.system" in " ".join(events) for events in seen.values()) > 20
 
 
@@ -199,8 +194,7 @@ for name, deed in deeds.items():
 
 
 def test_the_kernel_closes_the_child_in(tmp_path):
-    run = [sys.executable, "-c", WALL, str(Path(child_jail.__file__).parent)]
-    done = subprocess.run(run, capture_output=True, text=True, cwd=tmp_path)
+    done = python("-c", WALL, Path(child_jail.__file__).parent, cwd=tmp_path)
     first, *deeds = done.stdout.splitlines()
     if first != "closed":
         pytest.skip(first)

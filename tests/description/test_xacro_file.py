@@ -1,10 +1,9 @@
 """xacro files: arguments, includes, packages, and every way to go wrong."""
 
-import subprocess
-import sys
 from xml.etree import ElementTree
 
 import pytest
+from command_line import python
 from tiers import tiered
 from urdf_texts import LIMIT, XACRO, joint, make_package, robot
 
@@ -227,6 +226,5 @@ def test_xacro_leaves_this_process_alone(read):
         "print([m for m in ('xacro', 'pinocchio', 'yourdfpy') if m in sys.modules])"
     )
     path = read(XACRO.format(ARM), name="arm.xacro").path
-    run = [sys.executable, "-c", code, str(path)]
-    done = subprocess.run(run, capture_output=True, text=True, check=True)
+    done = python("-c", code, path, check=True)
     assert (done.stdout.strip(), done.stderr) == ("[]", "")

@@ -2,11 +2,10 @@
 
 import importlib.util
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from command_line import python
 
 from pinsing.description.catalog import data_folder
 from pinsing.description.dh_table import urdf_folder
@@ -40,14 +39,8 @@ def compare(root, arguments=None, reasons=None):
     files = sorted(root.rglob("*.xacro"))
     packages = {f.name: str(f) for f in sorted(root.rglob("*")) if f.is_dir()}
     packages[root.name] = str(root)
-    done = subprocess.run(
-        [sys.executable, "-c", PLAIN],
-        input=json.dumps([[str(f) for f in files], packages, arguments or {}]),
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    plain = json.loads(done.stdout)
+    given = json.dumps([[str(f) for f in files], packages, arguments or {}])
+    plain = json.loads(python("-c", PLAIN, input=given, check=True).stdout)
     refused: dict[str, str] = {}
     for file in files:
         if plain[str(file)] is None:

@@ -3,14 +3,12 @@
 import itertools
 import json
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from certificates import certificate, mutants, verdict
-from command_line import run as pinsing_command
+from command_line import python, run as pinsing_command
 from singular_sets import iiwa_with_offset
 from tiers import tiered
 
@@ -121,14 +119,11 @@ def test_the_checker_stands_alone(tmp_path):
     bad.write_text(text_of(data), encoding="utf-8")
     code = f"import sys; sys.modules['pinsing'] = None; sys.argv[1:] = [{str(good)!r}]\n"
     code += f"import runpy; runpy.run_path({str(alone)!r}, run_name='__main__')"
-    run = subprocess.run(
-        [sys.executable, "-I", "-c", code], capture_output=True, text=True, check=False
-    )
+    run = python("-I", "-c", code)
     assert run.returncode == 0, run
     assert run.stdout.startswith("ACCEPTED: ur5")
     for path in (bad, tmp_path / "none.json"):
-        command = [sys.executable, "-I", str(alone), str(path)]
-        run = subprocess.run(command, capture_output=True, text=True, check=False)
+        run = python("-I", alone, path)
         assert run.returncode == 1, run
         assert run.stdout.startswith("REJECTED")
         assert run.stdout.count("\n") == 1

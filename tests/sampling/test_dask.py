@@ -15,11 +15,9 @@ from typing import Any
 
 import arms
 import pytest
-from click.testing import CliRunner
 from command_line import run
 
 from pinsing._version import __version__
-from pinsing.cli.app import command
 from pinsing.errors import WorkerError
 from pinsing.robot.load import load
 from pinsing.sampling import sigma_map
@@ -95,9 +93,7 @@ def test_a_cluster_gives_the_same_bits(shared: Cluster) -> None:
 @pytest.mark.slow
 def test_the_command(shared: Cluster, tmp_path: Path) -> None:
     words = ["map", "ur5", "--count", "2e5", "--chunk", "20000", "-o", "-"]
-    done = CliRunner().invoke(
-        command, [*words, "--dask", shared.address, "-o", str(tmp_path / "run")]
-    )
+    done = run(*words, "--dask", shared.address, "-o", tmp_path / "run")
     assert done.exit_code == 0, done.output
     assert f"dask worker threads at {shared.address}" in done.stderr
     assert done.stdout == run(*words).stdout

@@ -1,10 +1,9 @@
 """Short runs of scripts/durability, and proof that it would notice."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from command_line import python
 from public import SCRIPTS, script
 from tiers import tiered
 
@@ -53,14 +52,6 @@ def test_loss_of_power(tmp_path: Path, command: str) -> None:
 @pytest.mark.parametrize("kind", ["map, threads", "sweep, threads", "map, worker processes"])
 def test_kills(tmp_path: Path, kind: str) -> None:
     """In a process of its own: what is forked must not have threads."""
-    done = subprocess.run(
-        [
-            *(sys.executable, "-m", "durability", "kills", "--kills", "40", "--kind", kind),
-            *("--json", str(tmp_path / "kills.json")),
-        ],
-        cwd=SCRIPTS,
-        capture_output=True,
-        text=True,
-        timeout=540,
-    )
+    words = ("-m", "durability", "kills", "--kills", "40", "--kind", kind)
+    done = python(*words, "--json", tmp_path / "kills.json", cwd=SCRIPTS, timeout=540)
     assert done.returncode == 0, done.stderr
