@@ -94,17 +94,6 @@ def input_loci(mechanism: Mechanism) -> tuple[PoseEquation, ...]:
     return mechanism.once("input_loci", lambda: _input_loci(mechanism, found))
 
 
-def degree_notes(mechanism: Mechanism) -> Iterator[str]:
-    """Why a locus over three distances is left out."""
-    slid = planar_rods(mechanism)
-    if slid is not None and all(r.kind == "strut" for r in slid.rods) and not input_loci(mechanism):
-        yield (
-            "the inputs alone: eliminating the pose leaves a polynomial, in general of degree 12 "
-            "in the squares of the inputs; not written out where coordinates have more than five "
-            "decimals"
-        )
-
-
 def length_name(mechanism: Mechanism, rod: Rod, digits: int = 12) -> str:
     """The length of a rod that slides, by the value of its slide."""
     name = mechanism.joints[rod.sliding]

@@ -20,9 +20,8 @@ import functools
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -30,10 +29,9 @@ import numpy as np
 from pinsing._types import Array
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.minors import determinant
-from pinsing.algebra.ring import Poly, Ring, coefficients_by, divided_by, make_ring, rational
+from pinsing.algebra.ring import Poly, coefficients_by, divided_by, make_ring, rational
 from pinsing.loops.closure import near_home, random_closed, ranks
 from pinsing.loops.exact import (
-    ExactPoints,
     Row,
     Vector,
     cross,
@@ -56,7 +54,7 @@ from pinsing.loops.forms import (
 )
 from pinsing.loops.legs import Rod, Rods, quarter_circles, rods, sphere_rods, written
 from pinsing.loops.loop_forms import planar_dyad
-from pinsing.loops.mode_counts import degree_notes, input_loci, length_name, point_legs
+from pinsing.loops.mode_counts import input_loci, length_name, point_legs
 from pinsing.loops.modes import home
 from pinsing.loops.motion import pose_of
 from pinsing.loops.structure import PLANE, SPACE, SPHERE, in_room, output_pose, structure
@@ -65,78 +63,46 @@ from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.source import kept
 
 
-@dataclass(frozen=True, eq=False)
 class PoseRing:
-    """The ring of one mechanism, and the lines of its rods."""
+    """The ring of one mechanism, and the lines of its rods.
 
-    rods: Rods  # what passes forces
-    level: bool  # the output keeps the orientation of the base axes: its rotation is left out
-    unit: bool = False  # the quaternion is of length 1: N = 1, and nothing is homogeneous
-    # links on the sphere are quarter circles: C is across the actuated axis and B, whatever the
-    # inputs, which are left out
-    quarter: bool = False
+    ``level``: the output keeps the orientation of the base axes, its rotation is left out;
+    ``unit``: the quaternion is of length 1, N = 1, and nothing is homogeneous; ``quarter``: links
+    on the sphere are quarter circles, C is across the actuated axis and B, whatever the inputs,
+    which are left out.
+    """
 
-    @cached_property
-    def exact(self) -> ExactPoints:
-        """Points of all rods; of a level output B as seen from C: parallel rods are exactly so."""
+    def __init__(
+        self, rods: Rods, level: bool = False, unit: bool = False, quarter: bool = False
+    ) -> None:
+        self.rods, self.level, self.unit, self.quarter = rods, level, unit, quarter
         none = np.zeros(3)
-        return exact_points([
+        # Of a level output B as seen from C: parallel rods are exactly so.
+        self.exact = exact_points([
             point
-            for r in self.rods.rods
-            for point in (r.outer - r.inner if self.level else r.outer, r.inner, r.first, r.second,
+            for r in rods.rods
+            for point in (r.outer - r.inner if level else r.outer, r.inner, r.first, r.second,
                           none if r.hinge is None else r.hinge, r.across)
         ])  # fmt: skip
-
-    @property
-    def square(self) -> int:
-        """y, e1 and e3 are in units of its root."""
-        return self.exact.square
-
-    @cached_property
-    def drivers(self) -> tuple[int, ...]:
-        """Inputs that occur, since they move the inner ends of rods."""
-        return tuple(dict.fromkeys(r.joint for r in self.rods.rods if r.moved))
-
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        """Names of the variables for people."""
-        position = {SPACE: ("x", "y", "z"), PLANE: ("x", "y"), SPHERE: ()}[self.rods.kind]
-        turn = ("e0", "e3") if self.rods.planar else ("e0", "e1", "e2", "e3")
-        joints = self.rods.mechanism.joints
-        inputs = [n for rod in self.rods.rods for n in rod.variables(joints[rod.joint])]
-        inputs *= not self.quarter
-        return (*position, *(() if self.level else turn), *dict.fromkeys(inputs))
-
-    @cached_property
-    def ring(self) -> Ring:
-        """A ring of as many variables."""
-        return make_ring([True] * len(self.names))
-
-    @property
-    def context(self) -> Any:
-        """Flint's ring."""
-        return self.ring.context
+        self.square = self.exact.square  # y, e1 and e3 are in units of its root
+        # Inputs that occur, since they move the inner ends of rods.
+        self.drivers = tuple(dict.fromkeys(r.joint for r in rods.rods if r.moved))
+        position = {SPACE: ("x", "y", "z"), PLANE: ("x", "y"), SPHERE: ()}[rods.kind]
+        turn = () if level else ("e0", "e3") if rods.planar else TURNS
+        joints = rods.mechanism.joints
+        inputs = [] if quarter else [n for r in rods.rods for n in r.variables(joints[r.joint])]
+        self.names: tuple[str, ...] = (*position, *turn, *dict.fromkeys(inputs))
+        self.odd = tuple(k for k, n in enumerate(self.names) if n in ("y", "e1", "e3"))
+        self.ring = make_ring([True] * len(self.names))
+        self.number = self.ring.number
+        e = [self.number(v) for v in (1, 0, 0, 0)] if level else [*map(self.variable, TURNS)]
+        self.R, N = quaternion_turn(e, self.square)  # rotation matrix times N
+        self.N = self.number(1) if unit else N
 
     def variable(self, name: str) -> Poly:
         """A variable; zero for one that this ring leaves out."""
-        return self.context.gens()[self.names.index(name)] if name in self.names else self.number(0)
-
-    def number(self, value: Any) -> Poly:
-        """A constant."""
-        return self.ring.number(value)
-
-    @property
-    def odd(self) -> tuple[int, ...]:
-        """Indices of the variables in units of the root."""
-        return tuple(k for k, n in enumerate(self.names) if n in ("y", "e1", "e3"))
-
-    @cached_property
-    def turn(self) -> tuple[list[Row], Poly]:
-        """Rotation matrix times N, and N."""
-        still = [self.number(v) for v in (1, 0, 0, 0)]
-        e = still if self.level else [self.variable(f"e{i}") for i in range(4)]
-        R, N = quaternion_turn(e, self.square)
-        return R, self.number(1) if self.unit else N
+        gens = self.ring.context.gens()
+        return gens[self.names.index(name)] if name in self.names else self.number(0)
 
     def _vectors(self, rod: Rod) -> list[Vector]:
         # Rods are told apart as objects: two may be alike.
@@ -149,9 +115,8 @@ class PoseRing:
 
     def outer(self, rod: Rod) -> Row:
         """B times N."""
-        R, N = self.turn
-        turned = (dot(row, map(rational, self._vectors(rod)[0]), self.number(0)) for row in R)
-        return [N * self.variable(n) + x for n, x in zip("xyz", turned, strict=True)]
+        turned = (dot(row, map(rational, self._vectors(rod)[0]), self.number(0)) for row in self.R)
+        return [self.N * self.variable(n) + x for n, x in zip("xyz", turned, strict=True)]
 
     def inner(self, rod: Rod) -> Row:
         """C."""
@@ -172,16 +137,14 @@ class PoseRing:
 
     def direction(self, rod: Rod) -> Row:
         """B - C times N."""
-        _, N = self.turn
-        return [b - N * c for b, c in zip(self.outer(rod), self.inner(rod), strict=True)]
+        return [b - self.N * c for b, c in zip(self.outer(rod), self.inner(rod), strict=True)]
 
     def line(self, rod: Rod) -> Row:
         """Plücker coordinates of the line C B about the origin; three numbers in the plane."""
         if rod.side:
             return self.wrench(self.force(rod), self.outer(rod))
-        d = self.direction(rod)
         m = cross(self.inner(rod), self.outer(rod))
-        return in_room(self.rods.kind, [*d, *m])
+        return in_room(self.rods.kind, [*self.direction(rod), *m])
 
     def force(self, rod: Rod) -> Row:
         """Direction of the force; of one across C B times the root."""
@@ -198,9 +161,7 @@ class PoseRing:
 
     def wrench(self, force: Row, at: Row) -> Row:
         """A force through a point that is given times N; three numbers in the plane."""
-        _, N = self.turn
-        f, m = [N * v for v in force], cross(at, force)
-        return in_room(self.rods.kind, [*f, *m])
+        return in_room(self.rods.kind, [*(self.N * v for v in force), *cross(at, force)])
 
     def hinge(self, rod: Rod) -> Row:
         """Direction of the hinge at C."""
@@ -220,12 +181,11 @@ class PoseRing:
 
     def length(self, rod: Rod, length: Fraction) -> Poly:
         """What is zero where C and B are at their distance, N times (B - C)^2 - length^2."""
-        R, N = self.turn
         b, start, first, *_ = self._vectors(rod)
         k = self.square
         away = [self.variable(n) - rational(v) for n, v in zip("xyz", start, strict=True)]
         moved = [c - rational(v) for c, v in zip(self.inner(rod), start, strict=True)]
-        turned = [dot(row, map(rational, b), self.number(0)) for row in R]
+        turned = [dot(row, map(rational, b), self.number(0)) for row in self.R]
         if self.rods.planar:
             away[2] = moved[2] = turned[2] = self.number(0)
             b, first = (b[0], b[1], Fraction(0)), (first[0], first[1], Fraction(0))
@@ -234,14 +194,16 @@ class PoseRing:
         if self.rods.mechanism.prismatic[rod.joint]:
             arm = arm * self.variable(self.rods.mechanism.joints[rod.joint]) ** 2
         fixed = self.dot(away, away) + rational(own) + arm - 2 * self.dot(away, moved)
-        return N * fixed + 2 * self.dot([x - y for x, y in zip(away, moved, strict=True)], turned)
+        return self.N * fixed + 2 * self.dot(
+            [x - y for x, y in zip(away, moved, strict=True)], turned
+        )
 
     def moment_arm(self, rod: Rod) -> Poly:
         """Force along C B in the direction in which the actuator moves C."""
         # Of a crank (cos first + sin second) is across the motion of C: from its middle will do.
         slides = self.rods.mechanism.prismatic[rod.joint]
         C = self.inner(rod) if slides else [self.number(v) for v in self._vectors(rod)[1]]
-        away = [b - self.turn[1] * c for b, c in zip(self.outer(rod), C, strict=True)]
+        away = [b - self.N * c for b, c in zip(self.outer(rod), C, strict=True)]
         return self.dot(away, self.motion(rod))
 
     def dot(self, a: Row, b: Row) -> Poly:
@@ -250,7 +212,7 @@ class PoseRing:
 
     def without_norm(self, poly: Poly) -> Poly:
         """Divide by N as often as it goes: it is 1."""
-        return poly if self.turn[1].is_constant() else divided_by(poly, self.turn[1])
+        return poly if self.N.is_constant() else divided_by(poly, self.N)
 
     def lines(self) -> list[Row]:
         """All wrenches: of each rod, and of its hinge."""
@@ -287,76 +249,57 @@ def counts_hinges(ring: PoseRing) -> bool:
 
 def about_output(ring: PoseRing, rod: Rod, force: Row) -> Row:
     """Return a force through B, times N, and its moment about the output, without task rows."""
-    N = ring.turn[1]
-    arm = [b - N * ring.variable(n) for b, n in zip(ring.outer(rod), "xyz", strict=True)]
-    whole = [*(N * x for x in force), *cross(arm, force)]
+    arm = [b - ring.N * ring.variable(n) for b, n in zip(ring.outer(rod), "xyz", strict=True)]
+    whole = [*(ring.N * x for x in force), *cross(arm, force)]
     return [x for k, x in enumerate(whole) if k not in ring.rods.mechanism.task.rows]
 
 
-_AXES = {"e1": "x", "e2": "y", "e3": "z"}
-
-
-def every_position(ring: PoseRing, poly: Any) -> tuple[PoseFamily, ...]:
-    """Families of orientations at which ``poly`` vanishes for all positions."""
-    names = ring.names
+def every_position(ring: PoseRing, poly: Any) -> Iterator[PoseFamily]:
+    """Yield families of orientations at which ``poly`` vanishes for all positions."""
+    # Where some components of the quaternion are zero, all its coefficients are, or share a factor.
+    names, gens = ring.names, ring.ring.context.names()
     turn = [k for k, n in enumerate(names) if n in TURNS]
     others = [k for k in range(len(names)) if k not in turn]
     coefficients = list(coefficients_by(poly, others).values())
-    found: list[tuple[frozenset[int], Any]] = []
-    for count in range(len(turn)):
-        for zero in itertools.combinations(turn, count):
-            found += _within(ring, coefficients, turn, frozenset(zero), found)
-    return tuple(_family(ring, zero, factor) for zero, factor in found)
-
-
-def _within(
-    ring: PoseRing,
-    coefficients: list[Any],
-    turn: list[int],
-    zero: frozenset[int],
-    known: list[tuple[frozenset[int], Any]],
-) -> list[tuple[frozenset[int], Any]]:
-    """Conditions that the coefficients share where the quaternion's ``zero`` parts are zero."""
-    rest = [c for c in (_restricted(ring, c, zero) for c in coefficients) if c != 0]
-    left = [k for k in turn if k not in zero]
-    there = [_restricted(ring, f, zero) for z, f in known if z <= zero]
-    if not rest:
-        # All of the subspace.
-        return [] if 0 in there else [(zero, ring.number(0))]
-    common = functools.reduce(lambda a, b: a.gcd(b), rest)
-    out = []
-    for factor, _ in common.factor()[1]:
-        # A single component that vanishes is a smaller subspace, seen there.
-        used = sum(factor.degrees()[k] > 0 for k in left) if len(factor) > 1 else 0
-        plain = pose_equation(factor, ring.names, ring.odd, ring.square)
-        said = any(f == 0 or divmod(f, factor)[1] == 0 for f in there)
-        if not said and (has_real_points(plain) if used > 1 else used):
-            out.append((zero, factor))
-    return out
-
-
-def _restricted(ring: PoseRing, poly: Any, zero: frozenset[int]) -> Any:
-    gens = ring.context.names()
-    return poly.subs({gens[k]: 0 for k in zero}) if zero else poly
-
-
-def _family(ring: PoseRing, zero: frozenset[int], factor: Any) -> PoseFamily:
-    names = ring.names
-    vanish = tuple(names[k] for k in sorted(zero))
-    left = [n for n in names if n in TURNS and n not in vanish]
-    equations = () if factor == 0 else (pose_equation(factor, names, ring.odd, ring.square),)
-    return PoseFamily(_words(vanish, left, equations), vanish, equations)
+    found: list[tuple[set[int], Any]] = []
+    subspaces = (itertools.combinations(turn, count) for count in range(len(turn)))
+    for chosen in itertools.chain.from_iterable(subspaces):
+        values, zero = dict.fromkeys([gens[k] for k in chosen], 0), set(chosen)
+        rest = [x for x in (c.subs(values) for c in coefficients) if x != 0]
+        factors = [ring.number(0)]
+        if rest:
+            common = functools.reduce(lambda a, b: a.gcd(b), rest)
+            factors = [f for f, _ in common.factor()[1]]
+        known = [f.subs(values) for z, f in found if z <= zero]
+        for factor in factors:
+            left = [n for k, n in enumerate(names) if k in turn and k not in zero]
+            vanish = tuple(names[k] for k in chosen)
+            equations: tuple[PoseEquation, ...] = ()
+            if factor != 0:
+                equations = (pose_equation(factor, names, ring.odd, ring.square),)
+                # A single component that vanishes is a smaller subspace, seen there.
+                used = sum(n in left for n in equations[0].used) if len(factor) > 1 else 0
+                if used == 0 or (used > 1 and not has_real_points(equations[0])):
+                    continue
+            if not any(f == 0 or (factor != 0 and divmod(f, factor)[1] == 0) for f in known):
+                found.append((zero, factor))
+                yield PoseFamily(_words(vanish, left, equations), vanish, equations)
 
 
 def _words(vanish: tuple[str, ...], left: list[str], equations: tuple[PoseEquation, ...]) -> str:
-    axes = [_AXES[n] for n in left if n != "e0"]
+    """What orientations are with components of the quaternion zero and equations of the others."""
+    axes = [{"e1": "x", "e2": "y", "e3": "z"}[n] for n in left if n != "e0"]
     turned = len(left) > len(axes)
-    conditions = [*(f"{n} = 0" for n in vanish), *(str(x) for x in equations)]
+    conditions = [*(f"{n} = 0" for n in vanish), *map(str, equations)]
     words = f"orientations with {', '.join(conditions)}"
     if len(left) == 1 and not equations:
         words = "not turned at all" if turned else f"half a turn about {axes[0]}"
     elif len(left) == 2:
-        bends = [math.atan(r) for x in equations for r in _ratios(x, left)]
+        bends: list[float] = []
+        for x in equations:
+            # Real values of the second component over the first.
+            line = np.bincount(x.powers[:, x.names.index(left[1])], x.values)
+            bends += [math.atan(r.real) for r in np.roots(line[::-1]) if abs(r.imag) <= 1e-9]
         if turned:
             angles = _listed([2 * b for b in bends]) if equations else "any angle"
             words = f"turned by {angles} about {axes[0]}"
@@ -365,12 +308,6 @@ def _words(vanish: tuple[str, ...], left: list[str], equations: tuple[PoseEquati
             plane = f"any axis in the plane of {axes[0]} and {axes[1]}"
             words = f"half a turn about {where if equations else plane}"
     return f"{words}: singular at every position"
-
-
-def _ratios(equation: PoseEquation, left: list[str]) -> list[float]:
-    """Real values of the second component over the first."""
-    line = np.bincount(equation.powers[:, equation.names.index(left[1])], equation.values)
-    return sorted(float(r.real) for r in np.roots(line[::-1]) if abs(r.imag) <= 1e-9)
 
 
 def _listed(values: list[float]) -> str:
@@ -399,103 +336,6 @@ def made_exact(ring: PoseRing) -> Iterator[str]:
         yield f"coordinates were made exact, by at most {ring.exact.off:.1e} m"
 
 
-def inputs_notes(ring: PoseRing) -> Iterator[str]:
-    """Notes on determinants over the pose and the inputs."""
-    yield from made_exact(ring)
-    mechanism = ring.rods.mechanism
-    plain = [r for r in ring.rods.rods if not r.moved]
-    if plain and len(mechanism.task.rows) == 6:
-        first = " or is along the axis of its first joint" if any(r.side for r in plain) else ""
-        also = "also " if ring.drivers else ""
-        yield f"type 1: {also}where a leg has no length{_short(ring, plain)}{first}; {_else(ring)}"
-    yield from _rows_notes(ring)
-    inputs = " and inputs" if ring.drivers else ""
-    if ring.drivers or ring.rods.hinged:
-        what = f"a pose{inputs} that close the loops are" if inputs else (
-            "a pose that closes the loops is"
-        )  # fmt: skip
-        yield f"{what} singular if and only if one of the loci is zero{_aside(ring)}"
-    if ring.drivers:
-        count = 2 ** len(ring.drivers)
-        yield (
-            f"the pose alone: eliminating the inputs by their closure (each quadratic) multiplies "
-            f"{count} working modes; not done"
-        )
-    yield from _passive(ring)
-    yield (
-        "determinants are exact and not multiplied out; certificates are of each leg alone "
-        "(--prove)"
-    )
-
-
-def _short(ring: PoseRing, legs: Sequence[Rod]) -> str:
-    """Where slides have no length, unless they are counted from there; whether limits allow it."""
-    mechanism = ring.rods.mechanism
-    slides = {r.sliding: r for r in legs if r.sliding >= 0}
-    named = [f"{length_name(mechanism, r, 6).strip('()')} = 0" for r in slides.values() if r.offset]
-    where = f" ({' or '.join(named)})" if named else ""
-    reached = any(
-        mechanism.lower[k] + r.offset <= 0 <= mechanism.upper[k] + r.offset
-        for k, r in slides.items()
-    )
-    return where + ("" if reached else ", which the limits exclude")
-
-
-def _alone(ring: PoseRing) -> str:
-    """Passive joints at one point that can be dependent by themselves, and where they are."""
-    mechanism = ring.rods.mechanism
-    kinds = {
-        2: "universal joints whose rod lies in the plane of their two axes, as along the first one",
-        3: "balls written as three hinges, which lie in a plane",
-    }
-    centres = [] if ring.rods.planar else [c.joints for c in structure(mechanism).centres]
-    found = {
-        words: [", ".join(mechanism.joints[j] for j in c) for c in centres if len(c) == count]
-        for count, words in kinds.items()
-    }
-    return "; ".join(f"{words} ({'; '.join(joints)})" for words, joints in found.items() if joints)
-
-
-def _aside(ring: PoseRing) -> str:
-    """What is added to "if and only if" where passive joints can be dependent."""
-    return ", or passive joints move by themselves (below)" if _alone(ring) else ""
-
-
-def _else(ring: PoseRing) -> str:
-    return "else only where passive joints move by themselves (below)" if _alone(ring) else (
-        "nowhere else"
-    )  # fmt: skip
-
-
-def _passive(ring: PoseRing) -> Iterator[str]:
-    """What the pose does not tell: joints at one point that line up."""
-    if found := _alone(ring):
-        yield (
-            "passive joints that move by themselves, the output at rest, are not in these "
-            f"equations: {found}; the equations in the joint angles have each"
-        )
-
-
-def _rows_notes(ring: PoseRing) -> Iterator[str]:
-    """What the rows of the determinant are, leg by leg."""
-    mechanism = ring.rods.mechanism
-    yield (
-        "rows of the determinant of type 2: a force f through B and its moment B x f about the "
-        "origin of the base; B = (x, y, z) + R b with R the rotation of e0, e1, e2, e3"
-    )
-    for k, rod in enumerate(ring.rods.rods, 1):
-        force = ("B - C", "a x (B - C)", "(a x (B - C)) x (B - C)")[rod.side]
-        C = rod.foot_text(mechanism.joints[rod.joint])
-        text = f"force {k}: f = {force}, b = {written(rod.outer)}, C = {C}"
-        if rod.side:
-            text += f", a = {written(rod.across)}"
-        if rod.hinge is not None:
-            text += f"; and f = {written(rod.hinge)}, across which B - C stays"
-        if rod.moved:
-            text += f"; it closes where |B - C| = {ring.rods.length(rod):.6g} m"
-        yield text
-
-
 def in_plane(found: Rods, turns: bool = True) -> Iterator[str]:
     """What x, y, and φ where the output ``turns``, are in a plane that is not that of the base."""
     if not found.tilted or (not turns and np.abs(found.axes - np.eye(3)).max() <= 1e-9):
@@ -510,39 +350,116 @@ def in_plane(found: Rods, turns: bool = True) -> Iterator[str]:
     )
 
 
-def needs(ring: PoseRing) -> Iterator[str]:
-    """Notes, one after the other."""
-    mechanism = ring.rods.mechanism
-    legs = [rod for rod in ring.rods.rods if rod.sliding >= 0]
-    if legs:
-        tied = ring.rods.hinged
-        if tied and not counts_hinges(ring):
+def notes_on(ring: PoseRing) -> Iterator[str]:
+    """Yield what the equations leave open, and what they rest on."""
+    mechanism, found = ring.rods.mechanism, ring.rods
+    alone = _alone(found)
+    aside = ", or passive joints move by themselves (below)" if alone else ""
+    yield from made_exact(ring)
+    sliding = [rod for rod in found.rods if rod.sliding >= 0]
+    if sliding and not ring.unit and found.hinged and not counts_hinges(ring):
+        yield (
+            "type 1 is not in these equations: the rows of the output and the hinges are not "
+            "six together; the equations in the joint angles have it"
+        )
+    elif sliding and (not ring.unit or len(mechanism.task.rows) == 6):
+        told = any(rod.moved or rod.kind == "elbow" for rod in found.rods)
+        also = "also " if told or (found.hinged and not ring.unit) else ""
+        across = ring.unit and any(rod.side for rod in sliding)
+        first = " or is along the axis of its first joint" if across else ""
+        else_ = "else only where passive joints move by themselves (below)" if alone else (
+            "nowhere else"
+        )  # fmt: skip
+        yield f"type 1: {also}where a leg has no length{_short(found, sliding)}{first}; {else_}"
+    if ring.unit:
+        yield from _rows_notes(found)
+        if ring.drivers or found.hinged:
+            what = "a pose and inputs that close the loops are" if ring.drivers else (
+                "a pose that closes the loops is"
+            )  # fmt: skip
+            yield f"{what} singular if and only if one of the loci is zero{aside}"
+        if ring.drivers:
             yield (
-                "type 1 is not in these equations: the rows of the output and the hinges are not "
-                "six together; the equations in the joint angles have it"
+                "the pose alone: eliminating the inputs by their closure (each quadratic) "
+                f"multiplies {2 ** len(ring.drivers)} working modes; not done"
             )
-        else:
-            told = tied or any(rod.moved or rod.kind == "elbow" for rod in ring.rods.rods)
-            also = "also " if told else ""
-            yield f"type 1: {also}where a leg has no length{_short(ring, legs)}; {_else(ring)}"
-    yield from in_plane(ring.rods)
-    if any(rod.moved for rod in ring.rods.rods):
-        yield with_inputs("pose", "loops", "a") + _aside(ring)
-        cranks = not mechanism.prismatic[list(ring.drivers)].any()
-        if ring.rods.planar and cranks and all(rod.moved for rod in ring.rods.rods):
+    else:
+        yield from in_plane(found)
+        if ring.drivers:
+            yield with_inputs("pose", "loops", "a") + aside
+        if found.planar and all(rod.kind == "crank" for rod in found.rods):
             yield (
                 "the pose alone: eliminating the three inputs by their closure (each quadratic) "
                 "multiplies eight working modes, to degree 44 in x and y at a given angle, 42 with "
                 "legs of equal lengths (Bonev and Gosselin 2001); not done"
             )
-    yield from degree_notes(mechanism)
-    if ring.rods.hinged:
+        slid = found.planar and all(rod.kind == "strut" for rod in found.rods)
+        if slid and not input_loci(mechanism):
+            yield (
+                "the inputs alone: eliminating the pose leaves a polynomial, in general of degree "
+                "12 in the squares of the inputs; not written out where coordinates have more than "
+                "five decimals"
+            )
+        if found.hinged:
+            yield (
+                "poses of this mechanism keep the outer end of each leg in the plane across its "
+                f"hinge; such a pose is singular if and only if one of the equations holds{aside}"
+            )
+    if alone:
         yield (
-            "poses of this mechanism keep the outer end of each leg in the plane across its hinge; "
-            f"such a pose is singular if and only if one of the equations holds{_aside(ring)}"
+            "passive joints that move by themselves, the output at rest, are not in these "
+            f"equations: {alone}; the equations in the joint angles have each"
         )
-    yield from _passive(ring)
-    yield PROOFS
+    yield PROOFS if not ring.unit else (
+        "determinants are exact and not multiplied out; certificates are of each leg alone "
+        "(--prove)"
+    )  # fmt: skip
+
+
+def _short(found: Rods, legs: Sequence[Rod]) -> str:
+    """Where slides have no length, unless they are counted from there; whether limits allow it."""
+    mechanism, slides = found.mechanism, {r.sliding: r for r in legs}
+    named = [f"{length_name(mechanism, r, 6).strip('()')} = 0" for r in slides.values() if r.offset]
+    where = f" ({' or '.join(named)})" if named else ""
+    reached = any(
+        mechanism.lower[k] + r.offset <= 0 <= mechanism.upper[k] + r.offset
+        for k, r in slides.items()
+    )
+    return where + ("" if reached else ", which the limits exclude")
+
+
+def _alone(found: Rods) -> str:
+    """Passive joints at one point that can be dependent by themselves, and where they are."""
+    mechanism = found.mechanism
+    kinds = {
+        2: "universal joints whose rod lies in the plane of their two axes, as along the first one",
+        3: "balls written as three hinges, which lie in a plane",
+    }
+    centres = [] if found.planar else [c.joints for c in structure(mechanism).centres]
+    named = {
+        words: [", ".join(mechanism.joints[j] for j in c) for c in centres if len(c) == count]
+        for count, words in kinds.items()
+    }
+    return "; ".join(f"{words} ({'; '.join(joints)})" for words, joints in named.items() if joints)
+
+
+def _rows_notes(found: Rods) -> Iterator[str]:
+    """What the rows of the determinant are, leg by leg."""
+    yield (
+        "rows of the determinant of type 2: a force f through B and its moment B x f about the "
+        "origin of the base; B = (x, y, z) + R b with R the rotation of e0, e1, e2, e3"
+    )
+    for k, rod in enumerate(found.rods, 1):
+        force = ("B - C", "a x (B - C)", "(a x (B - C)) x (B - C)")[rod.side]
+        C = rod.foot_text(found.mechanism.joints[rod.joint])
+        text = f"force {k}: f = {force}, b = {written(rod.outer)}, C = {C}"
+        if rod.side:
+            text += f", a = {written(rod.across)}"
+        if rod.hinge is not None:
+            text += f"; and f = {written(rod.hinge)}, across which B - C stays"
+        if rod.moved:
+            text += f"; it closes where |B - C| = {found.length(rod):.6g} m"
+        yield text
 
 
 def locus_distance(mechanism: Mechanism, forms: PoseForms, q: Array) -> float:
@@ -643,24 +560,22 @@ def _loci(ring: PoseRing, parts: Iterable[Part]) -> list[PoseLocus]:
     return [PoseLocus(k, words, x, sure or has_real_points(x)) for k, words, x, sure in each]
 
 
-def _factors(parts: Iterable[tuple[str, str, Any]]) -> Iterator[Part]:
-    for kind, words, poly in parts:
-        for factor, _ in poly.factor()[1] if poly != 0 else ():
-            yield kind, words, factor, False
+def _factors(kind: str, words: str, poly: Any, sure: bool = False) -> Iterator[Part]:
+    for factor, _ in poly.factor()[1] if poly != 0 else ():
+        yield kind, words, factor, sure
 
 
 def _sphere_forms(mechanism: Mechanism, found: Rods) -> PoseForms:
     """Over the orientation, and the inputs where they do not drop out."""
-    ring = PoseRing(found, level=False, quarter=quarter_circles(found))
+    ring = PoseRing(found, quarter=quarter_circles(found))
     two, ones = _moments(ring)
-    parts = [("type 2", "the planes of the outer links meet in one line", two)]
+    squares = squares_note(found)
+    # Sums of squares have real zeros too: turns by which an outer axis meets a base axis.
+    real = bool(squares)
+    parts = [*_factors("type 2", "the planes of the outer links meet in one line", two, real)]
     for k, (rod, one) in enumerate(zip(found.rods, ones, strict=True), 1):
         words = f"leg {k} is folded or stretched: {mechanism.joints[rod.joint]} turns nothing"
-        parts.append(("type 1", words, one))
-    squares = squares_note(found)
-    each = ((k, words, ring.equation(poly)) for k, words, poly, _ in _factors(parts))
-    # Sums of squares have real zeros too: turns by which an outer axis meets a base axis.
-    loci = (PoseLocus(k, words, x, bool(squares) or has_real_points(x)) for k, words, x in each)
+        parts += _factors("type 1", words, one, real)
     inputs = "both links of each leg are quarter circles: the inputs drop out"
     if not ring.quarter:
         inputs = with_inputs("orientation", "loops", "an")
@@ -669,7 +584,7 @@ def _sphere_forms(mechanism: Mechanism, found: Rods) -> PoseForms:
     always = "" if two != 0 else (
         "architecture singularity: the moments of the legs lie in a plane at every orientation"
     )  # fmt: skip
-    return PoseForms(ring.names, always, tuple(loci), (), (), True, notes)
+    return PoseForms(ring.names, always, tuple(_loci(ring, parts)), (), (), True, notes)
 
 
 def _moments(ring: PoseRing) -> tuple[Poly, list[Poly]]:
@@ -688,10 +603,11 @@ def squares_note(found: Rods) -> str:
         return ""
     unit = zip(found.rods, np.eye(3), strict=True)
     straight = replace(found, rods=tuple(replace(r, outer=e, across=e) for r, e in unit))
-    type2, type1 = _moments(ring := PoseRing(straight, level=False, quarter=True))
+    type2, type1 = _moments(ring := PoseRing(straight, quarter=True))
     zeros = _zeros(type2, len(TURNS))
-    at_zeros = [[_restricted(ring, p, zero) for p in type1] for zero in zeros]
-    if not zeros or not all(0 in values for values in at_zeros):
+    gens = ring.ring.context.names()
+    at_zeros = [dict.fromkeys([gens[k] for k in zero], 0) for zero in zeros]
+    if not zeros or not all(any(p.subs(at) == 0 for p in type1) for at in at_zeros):
         return ""
     squares = pose_equation(type2, ("f0", "f1", "f2", "f3"))
     return (
@@ -724,7 +640,7 @@ def _point_forms(mechanism: Mechanism) -> PoseForms | None:
         return None
     ring = PoseRing(found, level=True)
     (a, b, _), (c, d, _) = (ring.direction(rod) for rod in found.rods)
-    both = _factors([("type 2", "both rods are in line", a * d - b * c)])
+    both = _factors("type 2", "both rods are in line", a * d - b * c)
     loci = [*_loci(ring, both), *_type1(ring)]
     both_in = with_inputs("position", "loop", "a")
     notes = (*in_plane(found, turns=False), both_in, *made_exact(ring), PROOFS)
@@ -733,22 +649,20 @@ def _point_forms(mechanism: Mechanism) -> PoseForms | None:
 
 def _forms(mechanism: Mechanism, found: Rods) -> PoseForms:
     turning = not found.planar and any(rod.moved or rod.side for rod in found.rods)
-    level = turning and _upright(mechanism, found)
+    plain = not any(rod.side or rod.hinge is not None for rod in found.rods)
+    level = turning and plain and set(mechanism.task.rows) == {0, 1, 2} and _upright(found)
     if turning and not level:
         return _turning_forms(mechanism, found)
-    notes: list[str] = []
-    if level:
-        notes.append(
-            "equations without e0, e1, e2, e3 are of an output that keeps the axes of the base (its"
-            " translational mode) and count there alone, where they are what the determinants come "
-            "down to; the determinants hold whether it is turned or not"
-        )
     ring = PoseRing(found, level)
-    notes += made_exact(ring)
     lines = ring.lines()
     # Zero as a polynomial where every pose is singular.
     together = ring.without_norm(ring.multiplied_out(lines))
-    notes += [] if level and together != 0 else list(needs(ring))
+    notes = [
+        "equations without e0, e1, e2, e3 are of an output that keeps the axes of the base (its "
+        "translational mode) and count there alone, where they are what the determinants come "
+        "down to; the determinants hold whether it is turned or not"
+    ] * level
+    notes += made_exact(ring) if level and together != 0 else notes_on(ring)
     if together != 0 and _dependent(ring.determinant(lines)):
         notes.append(
             "the coordinates of the file make the lines dependent to 1e-9 of their size, at every "
@@ -759,7 +673,7 @@ def _forms(mechanism: Mechanism, found: Rods) -> PoseForms:
     if together == 0:
         words = _architecture(found)
         return PoseForms(ring.names, words, tuple(ones), (), (), True, tuple(notes))
-    loci = [*_loci(ring, _split(ring, together)), *ones]
+    loci = (*_loci(ring, _split(ring, together)), *ones)
     if level:
         # Of an output that is not turned, then the determinants that hold for a turned one, too.
         turned = _turning_forms(mechanism, found)
@@ -769,9 +683,9 @@ def _forms(mechanism: Mechanism, found: Rods) -> PoseForms:
     words = "over the inputs, where two assembly modes meet"
     inputs = tuple(PoseLocus("type 2", words, x, has_real_points(x)) for x in input_loci(mechanism))
     return PoseForms(
-        ring.names, "", tuple(loci), every_position(ring, together),
-        tuple(_at_home(mechanism, ring, together)), not found.hinged or counts_hinges(ring),
-        tuple(notes), inputs, _closing(ring),
+        ring.names, "", loci,
+        tuple(every_position(ring, together)), tuple(_at_home(mechanism, ring, together)),
+        not found.hinged or counts_hinges(ring), tuple(notes), inputs, _closing(ring),
     )  # fmt: skip
 
 
@@ -791,8 +705,8 @@ def _architecture(found: Rods) -> str:
 
 def _turning_forms(mechanism: Mechanism, found: Rods) -> PoseForms:
     """Of legs on cranks, rails or driven feet in space: determinants, or one leg's equation."""
-    ring = PoseRing(found, False, unit=True)
-    notes = list(inputs_notes(ring))
+    ring = PoseRing(found, unit=True)
+    notes = [*notes_on(ring)]
     two, closing = ring.determinant(ring.lines()), _closing(ring)
     if _dependent(two):
         return PoseForms(
@@ -801,24 +715,21 @@ def _turning_forms(mechanism: Mechanism, found: Rods) -> PoseForms:
     kind = "type 2 or constraint" if found.hinged or len(mechanism.task.rows) < 6 else "type 2"
     which = "forces that the legs pass" if any(rod.side for rod in found.rods) else "rod lines"
     words = f"the {which} and {_HINGED}" if found.hinged else f"the six {which} {_COMPLEX}"
-    loci = [PoseLocus(kind, words, two, has_real_points(two))]
+    loci = (PoseLocus(kind, words, two, has_real_points(two)),)
     ones = _turning_type1(ring)
     if ones is None:
         notes.append(
             "type 1 is not in these equations: the output does not show each of the freedoms once; "
             "the equations in the joint angles have it"
         )
-    made = PoseForms(
-        ring.names, "", (*loci, *(ones or ())), (), (), ones is not None, tuple(notes), (), closing
-    )
+    made = PoseForms(ring.names, "", loci, (), (), ones is not None, tuple(notes), (), closing)
     tried = near_home(mechanism) + random_closed(mechanism, 6, np.random.default_rng(2719))
-    alone = replace(made, loci=made.loci[:1])
-    always = len(tried) >= 4 and max(locus_distance(mechanism, alone, q) for q in tried) <= 1e-10
+    always = len(tried) >= 4 and max(locus_distance(mechanism, made, q) for q in tried) <= 1e-10
     words = (
         f"{kind} at each of the {len(tried)} closed configurations tried: taken for singular at "
         "every pose"
     )
-    return replace(made, architecture=words) if always else made
+    return replace(made, loci=(*loci, *(ones or ())), architecture=words if always else "")
 
 
 def _closing(ring: PoseRing) -> tuple[PoseEquation, ...]:
@@ -847,18 +758,18 @@ _HINGED = f"the forces along the hinges through the same points {_COMPLEX}"
 def _turning_type1(ring: PoseRing) -> list[PoseLocus] | None:
     """Where a motion leaves the output at rest; None where these equations do not tell."""
     mechanism = ring.rods.mechanism
-    task, inputs = sorted(mechanism.task.rows), list(mechanism.actuated)
-    wrenches = list(_wrenches(ring))
-    if len(task) == 6 and sorted(rod.joint for rod, _, _ in wrenches) == sorted(inputs):
+    task, inputs = mechanism.task.rows, list(mechanism.actuated)
+    zero, rows, felt = ring.number(0), [], []
+    for rod, force, feels in _wrenches(ring):
+        felt.append(rod.joint)
+        moments = [feels if j == rod.joint else zero for j in inputs]
+        rows.append([*about_output(ring, rod, force), *moments])
+    if len(task) == 6 and sorted(felt) == sorted(inputs):
         return _type1(ring)
-    left = [k for k in range(6) if k not in task]
-    if len(left) + len(inputs) != 6 or len(wrenches) != 6:
+    if len(inputs) != len(task) or len(rows) != 6:
         return None
-    zero, rows = ring.number(0), []
-    for rod, force, feels in wrenches:
-        felt = [feels if j == rod.joint else zero for j in inputs]
-        rows.append([*about_output(ring, rod, force), *felt])
-    found = ring.determinant(rows, (*(k % 2 for k in left), *[0] * len(inputs)))
+    left = [k % 2 for k in range(6) if k not in task]
+    found = ring.determinant(rows, (*left, *[0] * len(inputs)))
     if _dependent(found):
         return None
     words = "a motion of the joints leaves the rows of the output at rest"
@@ -877,11 +788,10 @@ def _wrenches(ring: PoseRing) -> Iterator[tuple[Rod, Row, Poly]]:
             yield rod, axis, ring.dot(axis, ring.motion(rod)) if slides else ring.number(0)
 
 
-def _upright(mechanism: Mechanism, found: Rods) -> bool:
-    """Whether the output moves along the axes of the base and is not turned at home."""
-    plain = not any(rod.side or rod.hinge is not None for rod in found.rods)
-    away = np.abs(output_pose(mechanism, home(mechanism)).rotation - np.eye(3)).max()
-    return plain and bool(away < 1e-9) and set(mechanism.task.rows) == {0, 1, 2}
+def _upright(found: Rods) -> bool:
+    """Whether the output is not turned at home."""
+    R = output_pose(found.mechanism, home(found.mechanism)).rotation
+    return bool(np.abs(R - np.eye(3)).max() <= 1e-9)
 
 
 def _split(ring: PoseRing, together: Any) -> Iterator[Part]:
@@ -926,12 +836,12 @@ def _type1(ring: PoseRing) -> list[PoseLocus]:
         value = ring.multiplied_out([about_output(ring, rod, ring.hinge(rod)) for rod in legs])
         if value != 0:  # the output shows each of the freedoms
             words = "a motion that the hinges allow leaves the rows of the output at rest"
-            parts += _factors([("type 1", words, ring.without_norm(value))])
+            parts += _factors("type 1", words, ring.without_norm(value))
     for k, rod in enumerate(ring.rods.rods, 1):
         name = ring.rods.mechanism.joints[rod.joint]
         for words, reach in rod.type1(k, name, ring.rods.planar, ring.level):
             if reach is None:
-                parts += _factors([("type 1", words, ring.without_norm(ring.moment_arm(rod)))])
+                parts += _factors("type 1", words, ring.without_norm(ring.moment_arm(rod)))
             else:
                 # A circle, or its centre: real points, whatever its signs.
                 parts.append(("type 1", words, ring.length(rod, short_fraction(reach)), True))
@@ -940,16 +850,12 @@ def _type1(ring: PoseRing) -> list[PoseLocus]:
 
 def _at_home(mechanism: Mechanism, ring: PoseRing, together: Any) -> Iterator[PoseLocus]:
     """The locus where the output is turned as at home, if that is not at all."""
-    if ring.level or any(rod.moved for rod in ring.rods.rods):
+    placed = ring.rods.placed(output_pose(mechanism, home(mechanism)))
+    turned = np.abs(placed.rotation - np.eye(3)).max() > 1e-9
+    if ring.drivers or turned:
         return
-    there = ring.rods.placed(output_pose(mechanism, home(mechanism)))
-    if np.abs(there.rotation - np.eye(3)).max() > 1e-9:
-        return
-    gens = ring.context.names()
-    values = {
-        gens[k]: int(n == "e0") for k, n in enumerate(ring.names) if n[0] == "e" and n[1:].isdigit()
-    }
-    left = together.subs(values)
-    for kind, words, factor, _ in _factors([("type 2", "with the output turned as at home", left)]):
+    gens = ring.ring.context.names()
+    left = together.subs({gens[k]: int(n == "e0") for k, n in enumerate(ring.names) if n in TURNS})
+    for kind, words, factor, _ in _factors("type 2", "with the output turned as at home", left):
         found = pose_equation(factor, ring.names, ring.odd, ring.square)
         yield PoseLocus(kind, words, found, has_real_points(found))
