@@ -22,7 +22,7 @@ from pinsing.loops import (
     refine,
 )
 from pinsing.loops.closure import Loops, random_closed
-from pinsing.loops.joint_loci import ClosureForms, _matrix
+from pinsing.loops.joint_loci import ClosureForms
 
 SHELF = ["five_bar", "four_bar", "planar_3rrr", "planar_3rpr", "gough_stewart", "delta", "rps3",
          "rssr"]  # fmt: skip
@@ -116,10 +116,7 @@ def test_closure_equations_of_any_legs_are_those_of_pinocchio(name, rng):
     """The exact matrices have the ranks of the Jacobians; without a change of point the values."""
     mechanism = shipped(name).without_limits()
     made = ClosureForms(mechanism)
-    held, rest = (
-        JointLocus("", "", (), None, _matrix(rows, made.ring, mechanism))
-        for rows in made.matrices()
-    )
+    held, rest = (JointLocus("", "", (), None, made.matrix(rows)) for rows in made.matrices())
     loops = Loops(mechanism)
     found = random_closed(mechanism, 3, rng)
     assert found

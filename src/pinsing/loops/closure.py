@@ -338,22 +338,14 @@ class Loops:
             anchor = kind(model, a.parentJoint, a.placement, b.parentJoint, b.placement)
             self._anchors.append((anchor, anchor.createData(), loop.rows))
             scales += [1 / mechanism.length_scale if row < 3 else 1.0 for row in range(loop.rows)]
-        joints = list(model.joints)[1:]
-        self._plain = np.array([j.idx_q for j in joints if j.nq == 1], dtype=int)
-        self._turning = np.array([j.idx_q for j in joints if j.nq == 2], dtype=int)
-        self._from = [np.array([j.idx_v for j in joints if j.nq == k], dtype=int) for k in (1, 2)]
-        self._nq = int(model.nq)
+        self._neutral = pin.neutral(model)
         self.row_scale = np.array(scales)
         self.column_scale = mechanism.space.metric
         self.task_scale = np.where(self._task < 3, 1 / mechanism.length_scale, 1.0)
 
     def model_q(self, q: Array) -> Array:
         """Pinocchio's configuration for q (n,), without checks."""
-        out = np.empty(self._nq)
-        out[self._plain] = q[self._from[0]]
-        angles = q[self._from[1]]
-        out[self._turning], out[self._turning + 1] = np.cos(angles), np.sin(angles)
-        return out
+        return np.asarray(pin.integrate(self.mechanism.model, self._neutral, q))
 
     def at(self, q: Array) -> tuple[Array, Array]:
         """Residual (k,) and constraint Jacobian (k, n) at q (n,), metres and radians."""

@@ -135,22 +135,51 @@ class Hinge:
     scale: Poly  # product of the squared half-angle lengths of the joints before
 
 
-@dataclass(frozen=True, eq=False)
 class LegChain:
-    """Joints from the base outwards, and the frame behind the last one."""
+    """Joints from the base outwards, and the frame behind the last one.
 
-    ring: Ring  # one of all joints of the mechanism
-    hinges: tuple[Hinge, ...]  # in order
-    rotation: list[Row]  # of the last frame, times ``scale``
-    position: Row  # of its origin, times ``scale``
-    scale: Poly  # product of all joints' squared half-angle lengths
-    last: tuple[Fraction, ...]  # where the last joint is with all joints at zero
-    # frame and start: (3, 3): axes and origin, in the base, of the frame in which all of this is
-    frame: Array
-    start: Array
-    base: Turn  # the same axes exactly, in the base that was turned
-    at: tuple[Fraction, Fraction, Fraction]  # the same origin there, metres
-    off: float  # by how much numbers were changed at most to be rational
+    From ``axes`` and points ``origins`` (k, 3) at zero, base, metres; ``turn`` is a rotation of the
+    base before anything else. Times ``scale``, the product of all joints' squared half-angle
+    lengths, are ``rotation`` and ``position`` of the last frame, where the last joint is at
+    ``last`` with all joints at zero. All of this is in the frame with axes ``frame`` (3, 3) and
+    origin ``start`` in the base, or exactly ``base`` and ``at`` in the base that was turned.
+    """
+
+    def __init__(
+        self, ring: Ring, joints: Sequence[int], axes: Array, origins: Array, turn: Turn
+    ) -> None:
+        gens = ring.context.gens()
+        one, zero = ring.one, ring.zero
+        self.ring, self.frame, self.start = ring, _frame(axes), origins[0]
+        base, at = rational_turn(self.frame), vector(self.start)
+        # By how much numbers were changed at most to be rational.
+        self.off = max(away(base, self.frame), away((at,), [self.start]))
+        R = [[one if i == k else zero for k in range(3)] for i in range(3)]
+        p, scale = [zero, zero, zero], one
+        self.last = (Fraction(0),) * 3
+        self.hinges: list[Hinge] = []
+        places = zip(joints, axes @ self.frame, (origins - self.start) @ self.frame, strict=True)
+        for joint, axis0, origin0 in places:
+            here = vector(origin0)
+            unit = [row[2] for row in rational_turn(turn_to(axis0))]
+            self.off = max(self.off, away((here, unit), [origin0, axis0]))
+            step = [a - b for a, b in zip(here, self.last, strict=True)]
+            self.last = here
+            p = [p[i] + dot(R[i], map(rational, step), zero) for i in range(3)]
+            axis = [dot(R[i], map(rational, unit), zero) for i in range(3)]
+            slides = bool(ring.prismatic[joint])
+            self.hinges.append(Hinge(joint, slides, axis, p, scale))
+            if slides:
+                (v,) = ring.variables(joint)
+                p = [p[i] + gens[v] * axis[i] for i in range(3)]
+                continue
+            x, y = (gens[v] for v in ring.variables(joint))
+            R = _product(R, _turned(unit, x, y, ring), zero)
+            w = x**2 + y**2
+            p, scale = [w * v for v in p], scale * w
+        self.rotation, self.position, self.scale = R, p, scale
+        self.base = _product(turn, base, Fraction(0))
+        self.at = [row[0] for row in _product(turn, [[v] for v in at], Fraction(0))]
 
     def point(self, place: Array) -> Row:
         """A point of the last body, times ``scale``: where it is (3,) with all joints at zero."""
@@ -180,46 +209,6 @@ class LegChain:
         """A point (times ``scale``) in the base."""
         turned = self.in_base(point)
         return [turned[i] + scale * rational(self.at[i]) for i in range(3)]
-
-
-def leg_chain(
-    ring: Ring, joints: Sequence[int], axes: Array, origins: Array, turn: Turn
-) -> LegChain:
-    """Follow a chain from ``axes`` and points ``origins`` (k, 3) at zero, base, metres."""
-    # ``turn`` is a rotation of the base before anything else.
-    gens = ring.context.gens()
-    one, zero = ring.one, ring.zero
-    frame, start = _frame(axes), origins[0]
-    base, at = rational_turn(frame), vector(start)
-    off = max(away(base, frame), away((at,), [start]))
-    R = [[one if i == k else zero for k in range(3)] for i in range(3)]
-    p, scale = [zero, zero, zero], one
-    before = (Fraction(0),) * 3
-    hinges = []
-    for joint, axis0, origin0 in zip(joints, axes @ frame, (origins - start) @ frame, strict=True):
-        here = vector(origin0)
-        unit = [row[2] for row in rational_turn(turn_to(axis0))]
-        off = max(off, away((here, unit), [origin0, axis0]))
-        step = [a - b for a, b in zip(here, before, strict=True)]
-        before = here
-        p = [p[i] + dot(R[i], map(rational, step), zero) for i in range(3)]
-        axis = [dot(R[i], map(rational, unit), zero) for i in range(3)]
-        slides = bool(ring.prismatic[joint])
-        hinges.append(Hinge(joint, slides, axis, p, scale))
-        if slides:
-            (v,) = ring.variables(joint)
-            p = [p[i] + gens[v] * axis[i] for i in range(3)]
-            continue
-        x, y = (gens[v] for v in ring.variables(joint))
-        R = _product(R, _turned(unit, x, y, ring), zero)
-        w = x**2 + y**2
-        p, scale = [w * v for v in p], scale * w
-    ((x,), (y,), (z,)) = _product(turn, [[v] for v in at], Fraction(0))
-    return LegChain(
-        ring, tuple(hinges), R, p, scale, before, frame, start,
-        tuple((x, y, z) for x, y, z in _product(turn, base, Fraction(0))),
-        (x, y, z), off,
-    )  # fmt: skip
 
 
 def _frame(axes: Array) -> Array:

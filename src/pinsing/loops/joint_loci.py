@@ -34,7 +34,7 @@ from pinsing.algebra.real_roots import real_roots
 from pinsing.algebra.ring import Poly, Ring, make_ring, rational
 from pinsing.errors import OptionError
 from pinsing.loops.closure import near_home, random_closed, ranks
-from pinsing.loops.exact import Hinge, LegChain, Row, Turn, cross, dot, leg_chain, rational_turn
+from pinsing.loops.exact import Hinge, LegChain, Row, Turn, cross, dot, rational_turn
 from pinsing.loops.forms import JointForms, JointLocus, PoseEquation, trig_polynomial
 from pinsing.loops.legs import sphere_rods
 from pinsing.loops.pose_loci import squares_note
@@ -59,72 +59,117 @@ if TYPE_CHECKING:
     from pinsing.families import ClosedForm
 
 
-@dataclass(frozen=True, eq=False)
-class LegWrench:
-    """One wrench that a leg passes on with its actuator locked."""
-
-    leg: int  # number of the way from the base to the output, from 1
-    # force and moment about the origin of the base (6,); in the plane fx, fy, mz; on the sphere the
-    # moment about the centre. Homogeneous: all entries of one degree in each joint
-    line: Row
-    # what each actuated joint of the leg feels of it; a joint that feels nothing is left out
-    arms: dict[int, Poly]
+_AT_REST = "a motion of the joints leaves the output at rest"
 
 
-@dataclass(frozen=True, eq=False)
-class LegWrenches:
-    """All legs of a mechanism."""
+class _Exact:
+    """The joints of a mechanism over the ``ring`` of all of them.
 
-    kind: str  # ``space``, ``plane`` or ``sphere``
-    ring: Ring  # of all joints
-    turn: Turn  # rotation before anything: the normal of the plane becomes z
-    carrier: LegChain  # the way along the tree, up to the output
-    output: Row  # origin of the output frame in the base, times the carrier's scale
-    # whether the carrier ends in a ball (pin, hinge) at the output; else its own joints are the
-    # unknowns
-    ended: bool
-    # of all ways; of the others alone where the carrier has no such end
-    wrenches: tuple[LegWrench, ...]
-    # what is zero where passive joints of a leg are dependent themselves: by its number, these, and
-    # whether they are the three hinges that a file writes for a ball
-    passive: dict[tuple[int, tuple[int, ...], bool], Poly]
-    off: float  # by how much numbers of the file were changed to be exact
+    ``turn`` is a rotation before anything: the normal of a plane becomes z. ``off``: by how much
+    numbers of the file were changed to be exact.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism, self.zero = mechanism, at_zero(mechanism)
+        self.kind, self.turn, self.centre = room_of(mechanism)
+        self.ring = make_ring(mechanism.prismatic.tolist())
+        self.off = 0.0
+
+    def chain(self, joints: Sequence[int], turn: Turn, senses: Array | None = None) -> LegChain:
+        """Joints one after the other, each counted in a sense (1 or -1)."""
+        axes = self.zero.axis[joints]
+        axes = axes if senses is None else axes * senses[:, None]
+        found = LegChain(self.ring, joints, axes, self.zero.origins[joints], turn)
+        self.off = max(self.off, found.off)
+        return found
+
+    def loci(self, kind: str, words: str, rows: list[Row]) -> list[JointLocus]:
+        """A determinant multiplied out and factored where it is small; as it is where not."""
+        ring = self.ring
+        joints = sorted({j for row in rows for x in row if x != 0 for j in ring.joints_of(x)})
+        names = tuple(self.mechanism.joints[j] for j in joints)
+        whole = JointLocus(kind, words, names, None, self.matrix(rows))
+        rows = [_level(row, ring) for row in rows]
+        size = float(np.prod([max(len(x) for x in row) + 1.0 for row in rows]))
+        if len(joints) > (1 if len(rows) > len(rows[0]) else 7) or size > 4e8:
+            return [whole]
+        # Of one joint all largest minors vanish together where what they share does.
+        minors = [
+            determinant([rows[k] for k in chosen], ring, Budget(math.inf))
+            for chosen in itertools.combinations(range(len(rows)), len(rows[0]))
+        ]
+        value = functools.reduce(lambda a, b: a.gcd(b), minors)
+        if value == 0:
+            return [whole]
+        found = self.factored(kind, words, value)
+        if len(found) == 1 and len(found[0].equation.cos) > 24:  # type: ignore[union-attr]
+            # One long factor: the determinant says more.
+            return [replace(found[0], matrix=whole.matrix)]
+        return found
+
+    def matrix(self, rows: list[Row]) -> tuple[tuple[PoseEquation, ...], ...]:
+        """Entries without what is left of numbers that were made rational."""
+        out = []
+        for row in rows:
+            found = [trig_polynomial(x, self.ring, self.mechanism.joints) for x in row]
+            most = max((float(np.abs(x.values).max(initial=0.0)) for x in found), default=0.0)
+            out.append(tuple(x.without(NOISE * most) for x in found))
+        return tuple(out)
+
+    def factored(self, kind: str, words: str, value: Poly, ball: bool = False) -> list[JointLocus]:
+        """The irreducible factors of a polynomial that have real zeros."""
+        ring, joints, out = self.ring, self.mechanism.joints, []
+        for factor in _together(ring, ring.factors(ring.strip(value))):
+            found = _plain(equation(factor, ring, joints, np.zeros(len(joints))))
+            names = tuple(joints[j] for j in ring.joints_of(factor))
+            out.append(JointLocus(kind, words, names, found, ball=ball))
+        return out
 
 
-@kept
-def leg_wrenches(mechanism: Mechanism) -> LegWrenches:
-    """The wrenches of all legs."""
-    zero = at_zero(mechanism)
-    kind, turn, centre = room_of(mechanism)
-    ring = make_ring(mechanism.prismatic.tolist())
-    ways = leg_ways(mechanism)
-    used = [j for joints, _, _ in ways for j in joints if j in mechanism.passive]
-    NotThisKind.refuse_if(len(used) > len(set(used)), "legs share passive joints")
-    wrenches: list[LegWrench] = []
-    passive: dict[tuple[int, tuple[int, ...], bool], Poly] = {}
-    path = path_to(mechanism, structure(mechanism).output)
-    carrier = leg_chain(ring, path, zero.axis[path], zero.origins[path], turn)
-    off = carrier.off
-    at = np.array(zero.frames[mechanism.output_id].translation)
-    output = carrier.placed(carrier.point(at), carrier.scale)
-    ended = ways[0][1] is not None or kind == SPHERE
-    for number, (joints, end, ball) in enumerate(ways, 1):
-        if number == 1 and not ended:
+def _level(row: Row, ring: Ring) -> Row:
+    """Entries of one degree in each joint's pair of variables: times x^2 + y^2, which are 1."""
+    for j, w in enumerate(ring.w):
+        if w is not None:
+            x, y = ring.variables(j)
+            leads = (e.monomial(0) if e != 0 else ring.one.monomial(0) for e in row)
+            degrees = [m[x] + m[y] for m in leads]
+            row = [e * w ** ((max(degrees) - d) // 2) for e, d in zip(row, degrees, strict=True)]
+    return row
+
+
+def _plain(found: Equation) -> Equation:
+    """An equation without what is left of numbers that were made rational."""
+    least = NOISE * max(np.abs(found.cos).max(initial=0.0), np.abs(found.sin).max(initial=0.0))
+    cos = np.where(np.abs(found.cos) >= least, found.cos, 0.0)
+    sin = np.where(np.abs(found.sin) >= least, found.sin, 0.0)
+    kept = (cos != 0) | (sin != 0)
+    exact = [
+        ("0" if c == 0 else e[0], "0" if s == 0 else e[1])
+        for e, c, s in zip(found.exact, cos.tolist(), sin.tolist(), strict=False)
+    ]
+    return replace(
+        found, frequencies=found.frequencies[kept], powers=found.powers[kept], cos=cos[kept],
+        sin=sin[kept], exact=tuple(itertools.compress(exact, kept.tolist())),
+    )  # fmt: skip
+
+
+def _together(ring: Ring, factors: Sequence[Poly]) -> list[Poly]:
+    """Factors with real zeros; q = 0 and q = pi, half-angles of one joint, as sin q = 0."""
+    out: list[Poly] = []
+    halves: dict[int, Poly] = {}
+    for factor in factors:
+        joints = ring.joints_of(factor)
+        if len(joints) != 1 or ring.prismatic[joints[0]]:
+            out.append(factor)
             continue
-        chain = leg_chain(ring, joints, zero.axis[joints], zero.origins[joints], turn)
-        off = max(off, chain.off)
-        loose = number, tuple(j for j in joints if j in mechanism.passive), False
-        for wrench, content in _leg(mechanism, chain, number, kind, end, centre):
-            wrenches.append(wrench)
-            if not ring.nowhere_zero(content):
-                passive[loose] = passive.get(loose, ring.one) * content
-        if ball:
-            # Where the three hinges that are written for a ball lie in a plane.
-            axes = [h.axis for h in carrier.hinges if h.joint in ball]
-            flat = dot(axes[0], cross(axes[1], axes[2]), ring.zero)
-            if not ring.nowhere_zero(flat):
-                passive[number, ball, True] = flat
-    return LegWrenches(kind, ring, turn, carrier, output, ended, tuple(wrenches), passive, off)
+        (j,) = joints
+        if int(factor.total_degree()) % 2 == 0:
+            out += [factor] if real_roots(factor, j, ring) else []
+        elif j in halves:
+            out.append(halves.pop(j) * factor)
+        else:
+            halves[j] = factor
+    return [*out, *halves.values()]
 
 
 Way = tuple[list[int], Array | None, tuple[int, ...]]
@@ -159,58 +204,6 @@ def leg_ways(mechanism: Mechanism) -> list[Way]:
     return out
 
 
-def _leg(
-    mechanism: Mechanism, chain: LegChain, number: int, kind: str, end: Array | None, centre: Array
-) -> Iterator[tuple[LegWrench, Poly]]:
-    """The wrenches of one way, each with what is zero where its passive joints are dependent."""
-    zero = chain.ring.zero
-    point = chain.position if end is None else chain.point(end)
-    passive = [h for h in chain.hinges if h.joint in mechanism.passive]
-    driven = [h for h in chain.hinges if h.joint in mechanism.actuated]
-
-    def moved(hinge: Hinge) -> Row:
-        """What a joint does to the end, or to the turn, up to a positive factor."""
-        return hinge.axis if kind == SPHERE else chain.velocity(hinge, point, chain.scale)
-
-    arms = [moved(h) for h in passive]
-    if kind == SPHERE and end is not None:
-        # A loop that closes in a point of the sphere leaves a turn about the radius there.
-        arms.append([b - chain.scale * m for b, m in zip(point, chain.fixed(centre), strict=True)])
-    for force in _forces(chain, passive, arms, point, kind):
-        plain, content = _primitive(force)
-        felt = {
-            h.joint: arm
-            for h in driven
-            if (arm := dot(plain, moved(h), zero)) != 0
-        }  # fmt: skip
-        yield LegWrench(number, _line(chain, plain, point, kind), felt), content
-
-
-def _forces(
-    chain: LegChain, passive: list[Hinge], arms: list[Row], point: Row, kind: str
-) -> list[Row]:
-    """Forces through the end of a leg that do no work on its passive joints, which move it so."""
-    one, zero = chain.ring.one, chain.ring.zero
-    every = [[one if i == k else zero for i in range(3)] for k in range(3)]
-    if kind == PLANE:
-        NotThisKind.refuse_if(len(arms) > 1, "a leg has more passive joints than its end leaves it")
-        normal = [one * rational(v) for v in chain.base[2]]  # in the frame of the chain
-        crossed = [cross(normal, a) for a in arms or every]
-        # Of the three axes any two that are not the normal.
-        return crossed if arms else [c for c in crossed if any(x != 0 for x in c)][:2]
-    if len(arms) == 2:
-        return [cross(arms[0], arms[1])]
-    NotThisKind.refuse_if(
-        kind == SPHERE or len(arms) > 2, "a leg has other passive joints than its end leaves it"
-    )
-    if not arms:
-        return every
-    hinge = passive[0]
-    NotThisKind.refuse_if(hinge.slides, "a passive slide is the only passive joint of a leg")
-    grown = chain.scale / hinge.scale
-    return [hinge.axis, [b - grown * o for b, o in zip(point, hinge.origin, strict=True)]]
-
-
 def _primitive(force: Row) -> tuple[Row, Poly]:
     """A vector over what its entries share, and that."""
     parts = [x for x in force if x != 0]
@@ -219,17 +212,210 @@ def _primitive(force: Row) -> tuple[Row, Poly]:
     return [x / content for x in force], content
 
 
-def _line(chain: LegChain, force: Row, point: Row, kind: str) -> Row:
-    """Wrench of a force through a point, in the base; every entry of one degree."""
-    f = chain.in_base(force)
-    if kind == SPHERE:
-        return f
-    # About the first joint's place the moment is simple; what it has in common is taken out.
-    plain, _ = _primitive([*(chain.scale * x for x in force), *cross(point, force)])
-    f, m = chain.in_base(plain[:3]), chain.in_base(plain[3:])
-    at = [chain.ring.one * rational(v) for v in chain.at]
-    m = [a + b for a, b in zip(m, cross(at, f), strict=True)]
-    return in_room(kind, [*f, *m])
+class LegWrenches(_Exact):
+    """What legs pass on with their actuators locked: a list of loci, `type2` and `type1`.
+
+    ``wrenches``: the number of the leg, from 1; force and moment about the origin of the base (6,),
+    in the plane fx, fy, mz, on the sphere the moment about the centre, all entries of one degree in
+    each joint; and what each actuated joint of the leg feels, where it feels something. The
+    ``carrier`` is the way along the tree up to the output. Where it has not ``ended`` in a ball
+    (pin, hinge) its own joints are the unknowns, and the wrenches are those of the others.
+    ``passive``: what is zero where passive joints of a leg are dependent themselves, by its number,
+    these, and whether they are the three hinges that a file writes for a ball.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        super().__init__(mechanism)
+        ways = leg_ways(mechanism)
+        used = [j for joints, _, _ in ways for j in joints if j in mechanism.passive]
+        NotThisKind.refuse_if(len(used) > len(set(used)), "legs share passive joints")
+        self.wrenches: list[tuple[int, Row, dict[int, Poly]]] = []
+        self.passive: dict[tuple[int, tuple[int, ...], bool], Poly] = {}
+        self.carrier = self.chain(path_to(mechanism, structure(mechanism).output), self.turn)
+        at = np.array(self.zero.frames[mechanism.output_id].translation)
+        # Origin of the output frame in the base, times the carrier's scale.
+        self.output = self.carrier.placed(self.carrier.point(at), self.carrier.scale)
+        self.ended = ways[0][1] is not None or self.kind == SPHERE
+        for number, (joints, end, ball) in enumerate(ways, 1):
+            if number == 1 and not self.ended:
+                continue
+            chain = self.chain(joints, self.turn)
+            loose = number, tuple(j for j in joints if j in mechanism.passive), False
+            for content in self._leg(chain, number, end):
+                self._depend(loose, content)
+            if ball:
+                # Where the three hinges that are written for a ball lie in a plane.
+                axes = [h.axis for h in self.carrier.hinges if h.joint in ball]
+                flat = dot(axes[0], cross(axes[1], axes[2]), self.ring.zero)
+                self._depend((number, ball, True), flat)
+
+    def _depend(self, who: tuple[int, tuple[int, ...], bool], content: Poly) -> None:
+        if not self.ring.nowhere_zero(content):
+            self.passive[who] = self.passive.get(who, self.ring.one) * content
+
+    def _leg(self, chain: LegChain, number: int, end: Array | None) -> Iterator[Poly]:
+        """Add the wrenches of one way; yield what is zero where its passive joints depend."""
+        zero, mechanism, sphere = self.ring.zero, self.mechanism, self.kind == SPHERE
+        point = chain.position if end is None else chain.point(end)
+        passive = [h for h in chain.hinges if h.joint in mechanism.passive]
+        # What a joint does to the end, or to the turn, up to a positive factor.
+        moved = {
+            h.joint: h.axis if sphere else chain.velocity(h, point, chain.scale)
+            for h in chain.hinges
+        }
+        arms = [moved[h.joint] for h in passive]
+        if sphere and end is not None:
+            # A loop that closes in a point of the sphere leaves a turn about the radius there.
+            centre = chain.fixed(self.centre)
+            arms.append([b - chain.scale * m for b, m in zip(point, centre, strict=True)])
+        for force in self._forces(chain, passive, arms, point):
+            plain, content = _primitive(force)
+            felt = {
+                h.joint: dot(plain, moved[h.joint], zero)
+                for h in chain.hinges
+                if h.joint in mechanism.actuated
+            }
+            line = chain.in_base(plain) if sphere else self._line(chain, plain, point)
+            self.wrenches.append((number, line, {j: x for j, x in felt.items() if x != 0}))
+            yield content
+
+    def _forces(
+        self, chain: LegChain, passive: list[Hinge], arms: list[Row], point: Row
+    ) -> list[Row]:
+        """Forces through the end of a leg that do no work on its passive joints, which move it."""
+        one, zero = self.ring.one, self.ring.zero
+        every = [[one if i == k else zero for i in range(3)] for k in range(3)]
+        if self.kind == PLANE:
+            NotThisKind.refuse_if(
+                len(arms) > 1, "a leg has more passive joints than its end leaves it"
+            )
+            normal = [one * rational(v) for v in chain.base[2]]  # in the frame of the chain
+            crossed = [cross(normal, a) for a in arms or every]
+            # Of the three axes any two that are not the normal.
+            return crossed if arms else [c for c in crossed if any(x != 0 for x in c)][:2]
+        if len(arms) == 2:
+            return [cross(arms[0], arms[1])]
+        NotThisKind.refuse_if(
+            self.kind == SPHERE or len(arms) > 2,
+            "a leg has other passive joints than its end leaves it",
+        )
+        if not arms:
+            return every
+        hinge = passive[0]
+        NotThisKind.refuse_if(hinge.slides, "a passive slide is the only passive joint of a leg")
+        grown = chain.scale / hinge.scale
+        return [hinge.axis, [b - grown * o for b, o in zip(point, hinge.origin, strict=True)]]
+
+    def _line(self, chain: LegChain, force: Row, point: Row) -> Row:
+        """Wrench of a force through a point, in the base; every entry of one degree."""
+        # About the first joint's place the moment is simple; what it has in common is taken out.
+        plain, _ = _primitive([*(chain.scale * x for x in force), *cross(point, force)])
+        f, m = chain.in_base(plain[:3]), chain.in_base(plain[3:])
+        at = [self.ring.one * rational(v) for v in chain.at]
+        return in_room(self.kind, [*f, *(a + b for a, b in zip(m, cross(at, f), strict=True))])
+
+    def type2(self) -> list[JointLocus]:
+        """Where the output moves with the actuators locked."""
+        loose = [h for h in self.carrier.hinges if h.joint in self.mechanism.passive]
+        unknowns, count = SIZE[self.kind] if self.ended else len(loose), len(self.wrenches)
+        why = "more actuators than freedoms, or overconstrained loops"
+        NotThisKind.refuse_if(
+            count != unknowns,
+            f"the legs pass {count} forces where {unknowns} would fix the output: "
+            + (why if count > unknowns else "too few"),
+        )
+        words = {
+            SPACE: "the wrenches of the legs belong to one linear complex",
+            PLANE: "the lines of the legs' forces meet in one point or are parallel",
+            SPHERE: "the moments of the legs lie in a plane",
+        }[self.kind]
+        free = "the forces of the legs leave the output free"
+        rows = [self._row(line, locked=True) for _, line, _ in self.wrenches]
+        return self.loci("type 2", words if self.ended else free, rows)
+
+    def type1(self) -> list[JointLocus]:
+        """Where a motion leaves the output at rest."""
+        mechanism, ring = self.mechanism, self.ring
+        generic, task = ranks(mechanism), mechanism.task.rows
+        NotThisKind.refuse_if(
+            generic.output < generic.mobility or len(task) != generic.mobility,
+            "the output does not show each of the freedoms once",
+        )
+        single = sorted(tuple(arms) for _, _, arms in self.wrenches)
+        if SIZE[self.kind] == len(task) and self.ended and single == [
+            (j,) for j in sorted(mechanism.actuated)
+        ]:  # fmt: skip
+            out = []
+            for leg, _, arms in self.wrenches:
+                ((joint, arm),) = arms.items()
+                name = mechanism.joints[joint]
+                words = f"leg {leg}: {name} does not work on the force that the leg passes"
+                out += self.factored("type 1", words, arm)
+            return out
+        # An actuated joint is an unknown of its own, but where the carrier's joints are.
+        carried = () if self.ended else tuple(h.joint for h in self.carrier.hinges)
+        used = {j for _, _, arms in self.wrenches for j in arms}
+        drivers = [j for j in mechanism.actuated if j in used and j not in carried]
+        zero = ring.zero
+        rows = [
+            [*self._row(line, locked=False), *(zero - arms.get(j, zero) for j in drivers)]
+            for _, line, arms in self.wrenches
+        ]
+        rows += [[*self._output_row(k), *[zero] * len(drivers)] for k in task]
+        NotThisKind.refuse_if(
+            any(len(row) != len(rows) for row in rows), "there are other equations than motions"
+        )
+        return self.loci("type 1", _AT_REST, [_level(row, ring) for row in rows])
+
+    def alone(self) -> Iterator[JointLocus]:
+        """Where passive joints move by themselves."""
+        for (leg, joints, ball), whole in self.passive.items():
+            value = math.prod(self.ring.factors(whole), start=self.ring.one)
+            names = ", ".join(self.mechanism.joints[j] for j in joints)
+            words = f"leg {leg}: the end of the leg is on the axis of {names}"
+            if ball:
+                words = f"the three hinges {names} that stand for a ball lie in a plane"
+            elif len(joints) > 1:
+                words = f"leg {leg}: {names} move its end the same way"
+            yield from self.factored("passive", words, value, ball)
+
+    def _row(self, line: Row, locked: bool) -> Row:
+        """A wrench by the output's twist, or by the carrier's joints where they are unknown."""
+        if self.ended:
+            return line
+        twists = zip(self._twists(), self.carrier.hinges, strict=True)
+        out = [
+            dot(line, in_room(self.kind, [*velocity, *turning]), self.ring.zero)
+            for (turning, velocity), hinge in twists
+            if not locked or hinge.joint in self.mechanism.passive
+        ]
+        return _level(out, self.ring)
+
+    def _twists(self) -> Iterator[tuple[Row, Row]]:
+        """Turning and velocity of the base's origin by each of the carrier's joints."""
+        chain, zero = self.carrier, self.ring.zero
+        for h in chain.hinges:
+            axis = chain.in_base(h.axis)
+            if h.slides:
+                yield [zero] * 3, axis
+            else:  # scales: both times that of the joint, squared in the velocity
+                yield [h.scale * a for a in axis], cross(chain.placed(h.origin, h.scale), axis)
+
+    def _output_row(self, k: int) -> Row:
+        """A row of the output's velocity by the unknowns: in the axes of the turned base."""
+        zero, scale = self.ring.zero, self.carrier.scale
+        # Rows of the file are in the base; a plane may have been turned to lie level.
+        unit = [self.ring.one * rational(self.turn[i][k % 3]) for i in range(3)]
+        if self.ended:
+            grown = [scale * u for u in unit]
+            # With p the output, u . (v + w x p) = u . v + w . (p x u).
+            whole = [*([zero] * 3), *grown] if k >= 3 else [*grown, *cross(self.output, unit)]
+            return in_room(self.kind, whole)
+        out = []
+        for turning, velocity in self._twists():
+            moved = zip(velocity, cross(turning, self.output), strict=True)
+            out.append(dot(unit, turning if k >= 3 else [scale * v + c for v, c in moved], zero))
+        return out
 
 
 _SYMBOL = re.compile(r"\b[qd](\d+)\b")
@@ -259,26 +445,16 @@ class LegProof:
 def leg_proofs(mechanism: Mechanism, seconds: float = 20.0) -> tuple[LegProof, ...]:
     """Return certified closed forms of legs with one actuator as arms, in ``seconds`` each."""
     # OptionError if no leg ends in a ball, a pin or a hinge at the output.
+    from pinsing.families import closed_form, prove
+    from pinsing.robot.load import load
+
     try:
         ends = leg_ways(mechanism)
     except NotThisKind as why:
         raise OptionError(f"{mechanism.name}: no leg has a certificate of its own: {why}") from None
-    out = tuple(_proofs(mechanism, ends, seconds))
-    OptionError.refuse_if(
-        not out,
-        f"{mechanism.name}: no leg has a certificate of its own: none has one actuator and "
-        "ends in a ball, a pin or a hinge at the output",
-    )
-    return out
-
-
-def _proofs(mechanism: Mechanism, ends: list[Way], seconds: float) -> Iterator[LegProof]:
-    from pinsing.families import closed_form, prove
-    from pinsing.robot.load import load
-
     kind, turn, centre = room_of(mechanism)
     zero = at_zero(mechanism)
-    task = "position"
+    task, out = "position", []
     if kind == PLANE:
         normal = np.abs([float(v) for v in turn[2]])
         if normal.max() >= 1 - ROUNDING:
@@ -298,25 +474,21 @@ def _proofs(mechanism: Mechanism, ends: list[Way], seconds: float) -> Iterator[L
         names = tuple(mechanism.joints[j] for j in joints)
         arm = load(model, tip=name, joints=names, task=task)
         form = prove(closed_form(arm, prove=False), seconds)
-        yield LegProof(number, names, task, form)
+        out.append(LegProof(number, names, task, form))
+    OptionError.refuse_if(
+        not out,
+        f"{mechanism.name}: no leg has a certificate of its own: none has one actuator and "
+        "ends in a ball, a pin or a hinge at the output",
+    )
+    return tuple(out)
 
 
 Step = tuple[int, int]
 """A joint, and 1 where it is passed outwards, -1 where towards the base."""
 
 
-class ClosureForms:
-    """Rows of Jacobians over the ``ring`` of all joints, seen from a body between them.
-
-    ``off``: by how much numbers of the file were changed to be exact.
-    """
-
-    def __init__(self, mechanism: Mechanism) -> None:
-        self.mechanism = mechanism
-        self.ring = make_ring(mechanism.prismatic.tolist())
-        self.zero = at_zero(mechanism)
-        self.kind, self.turn, _ = room_of(mechanism)
-        self.off = 0.0
+class ClosureForms(_Exact):
+    """Rows of Jacobians, seen from a body between the joints."""
 
     def matrices(self) -> tuple[list[Row], list[Row]]:
         """Return matrices with a column for each passive joint, and for each joint."""
@@ -387,9 +559,7 @@ class ClosureForms:
             return
         joints = [j for j, _ in steps]
         # A joint that is passed from its own body to the one before moves that the other way.
-        axes = self.zero.axis[joints] * np.array([float(sign) for _, sign in steps])[:, None]
-        chain = leg_chain(self.ring, joints, axes, self.zero.origins[joints], turn)
-        self.off = max(self.off, chain.off)
+        chain = self.chain(joints, turn, np.array([float(sign) for _, sign in steps]))
         point = chain.fixed(at) if rests else chain.point(at)
         scale = self.ring.one if rests else chain.scale
         times = rational(Fraction(side))
@@ -406,9 +576,6 @@ class ClosureForms:
 def _parted(steps: Sequence[Step], middle: int) -> tuple[list[Step], list[Step]]:
     """The ways from the middle of some steps back to their start, and on to their end."""
     return [(j, -sign) for j, sign in reversed(steps[:middle])], list(steps[middle:])
-
-
-_AT_REST = "a motion of the joints leaves the output at rest"
 
 
 @kept
@@ -436,9 +603,8 @@ def joint_forms(mechanism: Mechanism) -> JointForms:
             f"of {mechanism.rows} closure equations {generic.constraint} are independent, and "
             "that only where the loops close",
         )
-        legs = leg_wrenches(mechanism)
-        loci = [*_type2(mechanism, legs), *_type1(mechanism, legs), *_passive(mechanism, legs)]
-        off = legs.off
+        legs = LegWrenches(mechanism)
+        loci, off = [*legs.type2(), *legs.type1(), *legs.alone()], legs.off
         if any(ball for *_, ball in legs.passive):
             notes[0] += "; three hinges in a plane lock the angles of the file, not the ball"
         sphere = sphere_rods(mechanism)
@@ -458,8 +624,8 @@ def joint_forms(mechanism: Mechanism) -> JointForms:
         held, whole = made.matrices()
         words = "joints move with the actuators held"
         loci = [
-            *_loci(made.ring, mechanism, "type 2", words, held),
-            *_loci(made.ring, mechanism, "type 1", _AT_REST, whole),
+            *made.loci("type 2", words, held),
+            *made.loci("type 1", _AT_REST, whole),
         ]
         off = made.off
         notes[0] = notes[0].replace("zero", "zero, or of less than full rank") if any(
@@ -483,210 +649,3 @@ def joint_forms(mechanism: Mechanism) -> JointForms:
             f"{' and '.join(always)} holds: taken for singular everywhere"
         )
     return JointForms(mechanism.joints, tuple(loci), True, tuple(notes), always)
-
-
-def _type2(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:
-    loose = [h for h in legs.carrier.hinges if h.joint in mechanism.passive]
-    unknowns = SIZE[legs.kind] if legs.ended else len(loose)
-    NotThisKind.refuse_if(
-        len(legs.wrenches) != unknowns,
-        f"the legs pass {len(legs.wrenches)} forces where {unknowns} would fix the output: "
-        + (
-            "more actuators than freedoms, or overconstrained loops"
-            if len(legs.wrenches) > unknowns
-            else "too few"
-        ),
-    )
-    rows = [_row(mechanism, legs, w, locked=True) for w in legs.wrenches]
-    words = {
-        SPACE: "the wrenches of the legs belong to one linear complex",
-        PLANE: "the lines of the legs' forces meet in one point or are parallel",
-        SPHERE: "the moments of the legs lie in a plane",
-    }[legs.kind]
-    free = "the forces of the legs leave the output free"
-    return _loci(legs.ring, mechanism, "type 2", words if legs.ended else free, rows)
-
-
-def _type1(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:
-    """Where a motion leaves the output at rest."""
-    generic = ranks(mechanism)
-    task = mechanism.task.rows
-    NotThisKind.refuse_if(
-        generic.output < generic.mobility or len(task) != generic.mobility,
-        "the output does not show each of the freedoms once",
-    )
-    whole = SIZE[legs.kind] == len(task)
-    single = [tuple(w.arms) for w in legs.wrenches]
-    if whole and legs.ended and sorted(single) == [(j,) for j in sorted(mechanism.actuated)]:
-        out = []
-        for w in legs.wrenches:
-            name = mechanism.joints[next(iter(w.arms))]
-            words = f"leg {w.leg}: {name} does not work on the force that the leg passes"
-            out += _factored(legs.ring, mechanism, "type 1", words, next(iter(w.arms.values())))
-        return out
-    # An actuated joint is an unknown of its own, but where the carrier's joints are.
-    carried = () if legs.ended else tuple(h.joint for h in legs.carrier.hinges)
-    used = {j for w in legs.wrenches for j in w.arms}
-    drivers = [j for j in mechanism.actuated if j in used and j not in carried]
-    zero = legs.ring.zero
-    rows = [
-        [*_row(mechanism, legs, w, False), *(zero - w.arms.get(j, zero) for j in drivers)]
-        for w in legs.wrenches
-    ]
-    rows += [[*_output_row(legs, k), *[zero] * len(drivers)] for k in task]
-    rows = [_level(row, legs.ring) for row in rows]
-    NotThisKind.refuse_if(
-        any(len(row) != len(rows) for row in rows), "there are other equations than motions"
-    )
-    return _loci(legs.ring, mechanism, "type 1", _AT_REST, rows)
-
-
-def _row(mechanism: Mechanism, legs: LegWrenches, wrench: LegWrench, locked: bool) -> Row:
-    """A wrench by the output's twist, or by the carrier's joints where these are the unknowns."""
-    if legs.ended:
-        return wrench.line
-    twists = zip(_twists(legs), legs.carrier.hinges, strict=True)
-    out = [
-        dot(wrench.line, in_room(legs.kind, [*velocity, *turning]), legs.ring.zero)
-        for (turning, velocity), joint in twists
-        if not locked or joint.joint in mechanism.passive
-    ]
-    return _level(out, legs.ring)
-
-
-def _twists(legs: LegWrenches) -> Iterator[tuple[Row, Row]]:
-    """Turning and velocity of the base's origin by each of the carrier's joints."""
-    chain, zero = legs.carrier, legs.ring.zero
-    for h in chain.hinges:
-        axis = chain.in_base(h.axis)
-        if h.slides:
-            yield [zero] * 3, axis
-        else:  # scales: both times that of the joint, squared in the velocity
-            yield [h.scale * a for a in axis], cross(chain.placed(h.origin, h.scale), axis)
-
-
-def _output_row(legs: LegWrenches, k: int) -> Row:
-    """A row of the output's velocity by the unknowns: in the axes of the turned base."""
-    ring, scale = legs.ring, legs.carrier.scale
-    zero = ring.zero
-    # Rows of the file are in the base; a plane may have been turned to lie level.
-    unit = [ring.one * rational(legs.turn[i][k % 3]) for i in range(3)]
-    if legs.ended:
-        grown = [scale * u for u in unit]
-        # With p the output, u . (v + w x p) = u . v + w . (p x u).
-        whole = [*([zero] * 3), *grown] if k >= 3 else [*grown, *cross(legs.output, unit)]
-        return in_room(legs.kind, whole)
-    out = []
-    for turning, velocity in _twists(legs):
-        moved = [scale * v + c for v, c in zip(velocity, cross(turning, legs.output), strict=True)]
-        out.append(dot(unit, turning if k >= 3 else moved, zero))
-    return out
-
-
-def _level(row: Row, ring: Ring) -> Row:
-    """Entries of one degree in each joint's pair of variables: times x^2 + y^2, which are 1."""
-    for j, w in enumerate(ring.w):
-        if w is not None:
-            x, y = ring.variables(j)
-            leads = (e.monomial(0) if e != 0 else ring.one.monomial(0) for e in row)
-            degrees = [m[x] + m[y] for m in leads]
-            row = [e * w ** ((max(degrees) - d) // 2) for e, d in zip(row, degrees, strict=True)]
-    return row
-
-
-def _loci(
-    ring: Ring, mechanism: Mechanism, kind: str, words: str, rows: list[Row]
-) -> list[JointLocus]:
-    """A determinant multiplied out and factored where it is small; as it is where not."""
-    joints = sorted({j for row in rows for x in row if x != 0 for j in ring.joints_of(x)})
-    names = tuple(mechanism.joints[j] for j in joints)
-    whole = JointLocus(kind, words, names, None, _matrix(rows, ring, mechanism))
-    rows = [_level(row, ring) for row in rows]
-    size = float(np.prod([max(len(x) for x in row) + 1.0 for row in rows]))
-    if len(joints) > (1 if len(rows) > len(rows[0]) else 7) or size > 4e8:
-        return [whole]
-    # Of one joint all largest minors vanish together where what they share does.
-    minors = [
-        determinant([rows[k] for k in chosen], ring, Budget(math.inf))
-        for chosen in itertools.combinations(range(len(rows)), len(rows[0]))
-    ]
-    value = functools.reduce(lambda a, b: a.gcd(b), minors)
-    if value == 0:
-        return [whole]
-    found = _factored(ring, mechanism, kind, words, value)
-    if len(found) == 1 and len(found[0].equation.cos) > 24:  # type: ignore[union-attr]
-        # One long factor: the determinant says more.
-        return [replace(found[0], matrix=whole.matrix)]
-    return found
-
-
-def _matrix(
-    rows: list[Row], ring: Ring, mechanism: Mechanism
-) -> tuple[tuple[PoseEquation, ...], ...]:
-    """Entries without what is left of numbers that were made rational."""
-    out = []
-    for row in rows:
-        found = [trig_polynomial(x, ring, mechanism.joints) for x in row]
-        most = max((float(np.abs(x.values).max(initial=0.0)) for x in found), default=0.0)
-        out.append(tuple(x.without(NOISE * most) for x in found))
-    return tuple(out)
-
-
-def _factored(
-    ring: Ring, mechanism: Mechanism, kind: str, words: str, value: Poly
-) -> list[JointLocus]:
-    out = []
-    for factor in _together(ring, ring.factors(ring.strip(value))):
-        found = _plain(equation(factor, ring, mechanism.joints, np.zeros(mechanism.n)))
-        names = tuple(mechanism.joints[j] for j in ring.joints_of(factor))
-        out.append(JointLocus(kind, words, names, found))
-    return out
-
-
-def _plain(found: Equation) -> Equation:
-    """An equation without what is left of numbers that were made rational."""
-    least = NOISE * max(np.abs(found.cos).max(initial=0.0), np.abs(found.sin).max(initial=0.0))
-    cos = np.where(np.abs(found.cos) >= least, found.cos, 0.0)
-    sin = np.where(np.abs(found.sin) >= least, found.sin, 0.0)
-    kept = (cos != 0) | (sin != 0)
-    exact = [
-        ("0" if c == 0 else e[0], "0" if s == 0 else e[1])
-        for e, c, s in zip(found.exact, cos.tolist(), sin.tolist(), strict=False)
-    ]
-    return replace(
-        found, frequencies=found.frequencies[kept], powers=found.powers[kept], cos=cos[kept],
-        sin=sin[kept], exact=tuple(itertools.compress(exact, kept.tolist())),
-    )  # fmt: skip
-
-
-def _together(ring: Ring, factors: Sequence[Poly]) -> list[Poly]:
-    """Factors with real zeros; q = 0 and q = pi, half-angles of one joint, as sin q = 0."""
-    out: list[Poly] = []
-    halves: dict[int, Poly] = {}
-    for factor in factors:
-        joints = ring.joints_of(factor)
-        if len(joints) != 1 or ring.prismatic[joints[0]]:
-            out.append(factor)
-            continue
-        (j,) = joints
-        if int(factor.total_degree()) % 2 == 0:
-            out += [factor] if real_roots(factor, j, ring) else []
-        elif j in halves:
-            out.append(halves.pop(j) * factor)
-        else:
-            halves[j] = factor
-    return [*out, *halves.values()]
-
-
-def _passive(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:
-    out: list[JointLocus] = []
-    for (leg, joints, ball), whole in legs.passive.items():
-        value = math.prod(legs.ring.factors(whole), start=legs.ring.one)
-        names = ", ".join(mechanism.joints[j] for j in joints)
-        what = f"the end of the leg is on the axis of {names}"
-        what = what if len(joints) == 1 else f"{names} move its end the same way"
-        flat = f"the three hinges {names} that stand for a ball lie in a plane"
-        words = flat if ball else f"leg {leg}: {what}"
-        found = _factored(legs.ring, mechanism, "passive", words, value)
-        out += [replace(x, ball=ball) for x in found]
-    return out

@@ -17,7 +17,7 @@ so leg 2. In half-angle coordinates of the inputs these are polynomials over the
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, ClassVar
@@ -121,9 +121,9 @@ class Dyad:
         crank, rod = self.link_directions(q, side)
         return np.asarray(crank[..., 0] * rod[..., 1] - crank[..., 1] * rod[..., 0])
 
-    def at_pin(self, mechanism: Mechanism) -> bool:
+    def at_pin(self) -> bool:
         """Whether the output is the position of the pin, in the plane."""
-        frames = mechanism.model.frames
+        mechanism, frames = self.mechanism, self.mechanism.model.frames
         output = frames[mechanism.output_id]
         pins = [frames[k] for (k,) in closing(mechanism)]
         meets = any(
@@ -326,28 +326,31 @@ def loop_forms(mechanism: Mechanism) -> LoopForms | None:
         return None
     system = _LoopEquations(dyad)
     notes = list(system.notes)
-    legs = _type1_legs(dyad)
-    if legs is None:
+    # Legs whose stretching loses an output direction: of the pin all, of the link that the dyad
+    # drives, the other one's.
+    legs = [k for k, side in enumerate(dyad.sides) if side.crank is not None]
+    output = int(mechanism.model.frames[mechanism.output_id].parentJoint) - 1
+    known = dyad.at_pin() if len(legs) == 2 else output == dyad.sides[1 - legs[0]].pin
+    if not known:
         notes.append(
             f"type 1 loci are left out: the output {mechanism.output} ({mechanism.task}) is "
             "neither the pin's position nor the link that the dyad drives"
         )
     loci: list[Locus] = []
     always = False
-    for leg in (None, *(legs or ())):
-        kind = "type 2" if leg is None else "type 1"
+    for leg in (None, *(legs if known else ())):
         for sense, word in ((1, "stretched"), (-1, "folded")):
             inputs = system.ring.strip(system.in_line(leg, sense))
             if inputs != 0:
-                loci += _loci(system, kind, leg, inputs, sense)
-            else:
-                always = True
-                where = "" if leg is None else (
-                    f", of which no equation over the inputs tells: leg {leg + 1} is {word} there "
-                    "with its end at rest; the equations in the joint angles have it"
-                )  # fmt: skip
-                notes.append(f"{kind}: at all inputs in one assembly mode{where}")
-    return LoopForms(tuple(loci), legs is not None and not always, tuple(notes))
+                loci += system.loci(leg, inputs, sense)
+                continue
+            always = True
+            kind, where = ("type 2", "") if leg is None else (
+                "type 1", f", of which no equation over the inputs tells: leg {leg + 1} is {word} "
+                "there with its end at rest; the equations in the joint angles have it",
+            )  # fmt: skip
+            notes.append(f"{kind}: at all inputs in one assembly mode{where}")
+    return LoopForms(tuple(loci), known and not always, tuple(notes))
 
 
 class _LoopEquations:
@@ -379,6 +382,7 @@ class _LoopEquations:
         self.cranks = [self._exact(side.crank_length, "crank") for side in dyad.sides]
         self.pivots = [[self._exact(float(x), "pivot") for x in s.pivot] for s in dyad.sides]
         self.rods = tuple(self._exact(side.rod_length, "rod") for side in dyad.sides)
+        self.tried = np.random.default_rng(6151).uniform(-np.pi, np.pi, (60, len(actuated)))
 
     def _exact(self, value: float, what: str) -> Any:
         near = Fraction(value).limit_denominator(10**9)
@@ -405,107 +409,73 @@ class _LoopEquations:
         reach = self.rods[0] + sense * self.rods[1] if leg is None else self.rods[1 - leg]
         return self.square(leg, sense) - (reach * self.w[0] * self.w[1]) ** 2
 
+    def loci(self, leg: int | None, inputs: Poly, sense: int) -> list[Locus]:
+        """The factors that have real points; ``leg``, ``sense`` as in `in_line`."""
+        dyad, square, kind = self.dyad, self.square(), "type 2" if leg is None else "type 1"
+        gap = dyad.sides[1].pivot - dyad.sides[0].pivot
+        # Lengths that turn about the pivots: the cranks, that of a leg with its rod along it.
+        arms = [
+            side.crank_length + (sense * side.rod_length if leg == k else 0.0)
+            for k, side in enumerate(dyad.sides)
+        ]
+        extremes = _extremes(dyad, gap, arms)
+        out = []
+        for factor in self.ring.factors(inputs):
+            form = equation(factor, self.ring, dyad.mechanism.inputs, self.offset)
+            coincide = kind == "type 2" and divmod(square, factor)[1] == 0
+            # Values, zero where that is rounding.
+            values = form(np.concatenate([extremes, self.tried]))
+            values[np.abs(values) <= NOISE * form.size] = 0.0
+            touching = extremes[values[: len(extremes)] == 0]
+            if len(form.joints) == 1 and len(roots(form, [0.0], 0)):
+                values = np.append(values, 0.0)
+            # Where the ends coincide, rods of different lengths do not close.
+            none = values.min() > 0 or values.max() < 0
+            if none or (coincide and self.rods[0] != self.rods[1]):
+                continue
+            # It touches zero only where all is in line or two ends meet: at single points if both
+            # inputs and the distance of their pivots count, else all along one of the inputs.
+            single = 0 in (values.min(), values.max())
+            both = coincide or (single and len(form.involved) == 2)
+            points_only = bool(np.any(gap != 0)) and both
+            candidates = touching if points_only else self._on(form, extremes)
+            witness = _witness(dyad, leg, candidates, points_only, sense)
+            ends = [f"{'A' if s.crank is None else 'B'}{k}" for k, s in enumerate(dyad.sides, 1)]
+            line = f"{', P, '.join(ends)}" if leg is None else f"A{leg + 1}, B{leg + 1}, P"
+            words = f"{line} in line, {'stretched' if sense > 0 else 'folded'}"
+            words = "B1 and B2 coincide and P turns about them" if coincide else words
+            # In square metres, up to sign: squared distance minus squared reach. Type 2: |B1 B2|^2
+            # - (d1 +- d2)^2. Type 1 of leg 1: |A1 + (l1 +- d1) e1 - B2|^2 - d2^2. The cosine rule
+            # gives the coefficient of the highest frequency, and with it the scale.
+            reach = (
+                arms if len(form.joints) > 1 else [x or float(np.linalg.norm(gap)) for x in arms]
+            )
+            top = int(np.argmax(np.abs(form.frequencies).sum(axis=1)))
+            size = float(np.hypot(form.cos, form.sin)[top])
+            target = 2 * abs(reach[0] * reach[1])
+            form = form.scaled(target / size) if target > 1e-12 else form
+            out.append(Locus(kind, words, form, points_only, witness))
+        return out
 
-def _type1_legs(dyad: Dyad) -> tuple[int, ...] | None:
-    """Legs whose stretching loses an output direction; None if the output is another one."""
-    mechanism = dyad.mechanism
-    cranked = tuple(i for i, side in enumerate(dyad.sides) if side.crank is not None)
-    if len(cranked) == 2:
-        return cranked if dyad.at_pin(mechanism) else None
-    output = mechanism.model.frames[mechanism.output_id]
-    return cranked if int(output.parentJoint) - 1 == dyad.sides[1 - cranked[0]].pin else None
-
-
-def _loci(
-    system: _LoopEquations, kind: str, leg: int | None, inputs: Poly, sense: int
-) -> list[Locus]:
-    """The factors that have real points; ``leg``, ``sense`` as in `_LoopEquations.in_line`."""
-    ring, dyad, square = system.ring, system.dyad, system.square()
-    apart = bool(np.any(dyad.sides[0].pivot != dyad.sides[1].pivot))
-    extremes = _extremes(dyad, leg)
-    out = []
-    for factor in ring.factors(inputs):
-        form = equation(factor, ring, dyad.mechanism.inputs, system.offset)
-        coincide = kind == "type 2" and divmod(square, factor)[1] == 0
-        lowest, highest, touching = _range(form, extremes)
-        # Where the ends coincide, rods of different lengths do not close.
-        if lowest > 0 or highest < 0 or (coincide and system.rods[0] != system.rods[1]):
-            continue
-        # It touches zero only where all is in line or two ends meet: at single points if both
-        # inputs and the distance of their pivots count, else all along one of the inputs.
-        single = lowest == 0 or highest == 0
-        points_only = apart and (coincide or (single and len(form.involved) == 2))
-        candidates = touching if points_only else _on(form, extremes)
-        witness = _witness(dyad, kind, leg, candidates, points_only, sense)
-        links = [f"{'A' if side.crank is None else 'B'}{k}" for k, side in enumerate(dyad.sides, 1)]
-        line = f"{', P, '.join(links)}" if leg is None else f"A{leg + 1}, B{leg + 1}, P"
-        words = f"{line} in line, {'stretched' if sense > 0 else 'folded'}"
-        words = "B1 and B2 coincide and P turns about them" if coincide else words
-        out.append(Locus(kind, words, _metric(dyad, form, leg, sense), points_only, witness))
-    return out
-
-
-def _metric(dyad: Dyad, form: Equation, leg: int | None, sense: int) -> Equation:
-    """Return the equation in square metres, up to sign: squared distance minus squared reach."""
-    # Type 2: |B1 B2|^2 - (d1 +- d2)^2. Type 1 of leg 1: |A1 + (l1 +- d1) e1 - B2|^2 - d2^2. The
-    # cosine rule gives the coefficient of the highest frequency, and with it the scale.
-    reach = _arms(dyad, leg, sense)
-    if len(form.joints) == 1:
-        reach[reach.index(0.0)] = float(np.linalg.norm(dyad.sides[1].pivot - dyad.sides[0].pivot))
-    top = np.abs(form.frequencies).sum(axis=1)
-    size = float(np.hypot(form.cos, form.sin)[int(np.argmax(top))])
-    target = 2 * abs(reach[0] * reach[1])
-    return form.scaled(target / size) if target > 1e-12 else form
-
-
-def _arms(dyad: Dyad, leg: int | None, sense: int) -> list[float]:
-    """Lengths that turn about the pivots: the cranks, that of a leg with its rod along it."""
-    return [
-        side.crank_length + (sense * side.rod_length if leg == k else 0.0)
-        for k, side in enumerate(dyad.sides)
-    ]
+    def _on(self, form: Equation, extremes: Array) -> Iterator[Array]:
+        """Yield inputs on a locus, as they are asked for: most often the first will do."""
+        # Lines along the inputs, random ones first; small loops lie about an extreme.
+        n = len(form.joints)
+        for base in np.concatenate([self.tried, extremes]) if n > 1 else self.tried[:1]:
+            for free in range(n):
+                for value in roots(form, base, free):
+                    yield np.where(np.arange(n) == free, value, base)
 
 
-def _range(form: Equation, extremes: Array) -> tuple[float, float, Array]:
-    """Least and largest value, zero where that is rounding, and the extremes on the locus."""
-    n = len(form.joints)
-    values = form(np.concatenate([extremes, _tried(n)]))
-    values[np.abs(values) <= NOISE * form.size] = 0.0
-    if n == 1 and len(roots(form, [0.0], 0)):
-        values = np.append(values, 0.0)
-    return float(values.min()), float(values.max()), extremes[values[: len(extremes)] == 0]
+def _extremes(dyad: Dyad, gap: Array, arms: Sequence[float]) -> Array:
+    """Return inputs (k, n_a) at which the distance of the ends of two arms is extreme.
 
-
-def _tried(n: int) -> Array:
-    return np.random.default_rng(6151).uniform(-np.pi, np.pi, (60, n))
-
-
-def _on(form: Equation, extremes: Array) -> Iterator[Array]:
-    """Yield inputs on a locus, as they are asked for: most often the first will do."""
-    # Lines along the inputs, random ones first; small loops lie about an extreme of the equation.
-    n = len(form.joints)
-    tried = _tried(n)
-    for base in np.concatenate([tried, extremes]) if n > 1 else tried[:1]:
-        for free in range(n):
-            for value in roots(form, base, free):
-                q = base.copy()
-                q[free] = value
-                yield q
-
-
-def _extremes(dyad: Dyad, leg: int | None) -> Array:
-    """Return inputs (k, n_a) at which the distance that decides on a locus is extreme.
-
-    It is that of the ends of two arms that turn about the pivots: the cranks, for type 1 of a leg
-    its crank with the rod along it. It is stationary where both arms lie on the line of the pivots,
-    and least where the ends meet.
+    It decides on a locus. It is stationary where both arms, which turn about pivots a ``gap`` (2,)
+    apart, lie on the line of the pivots, and least where the ends meet.
     """
-    first, second = dyad.sides
-    gap = second.pivot - first.pivot
     far, along = float(np.linalg.norm(gap)), float(np.arctan2(gap[1], gap[0]))
     found = [(along + a, along + b) for a in (0.0, np.pi) for b in (0.0, np.pi)]
-    for sense in (1, -1):
-        one, two = _arms(dyad, leg, sense)
+    for one, two in (arms, [-x for x in arms]):
         if far > 0 and one != 0 and abs(abs(one) - abs(two)) <= far <= abs(one) + abs(two):
             bend = float(np.arccos(np.clip((far**2 + one**2 - two**2) / (2 * far * one), -1, 1)))
             for turn in (bend, -bend):
@@ -521,13 +491,9 @@ def _extremes(dyad: Dyad, leg: int | None) -> Array:
 
 
 def _witness(
-    dyad: Dyad,
-    kind: str,
-    leg: int | None,
-    candidates: Iterable[Array],
-    points_only: bool,
-    sense: int,
+    dyad: Dyad, leg: int | None, candidates: Iterable[Array], points_only: bool, sense: int
 ) -> SingularPoint | None:
+    """A verified configuration at one of some inputs, in line as asked for."""
     mechanism = dyad.mechanism
     held = [] if points_only else list(mechanism.actuated[:-1])
     for q in itertools.chain.from_iterable(dyad.close(x) or dyad.touching(x) for x in candidates):
@@ -536,7 +502,7 @@ def _witness(
         links = [dyad.link_directions(q, k) for k in (0, 1)]
         first, second = (links[0][1], -links[1][1]) if leg is None else links[leg]
         if straight and sense * float(first @ second) >= 0:
-            point = refine_point(mechanism, q, kind, held)
+            point = refine_point(mechanism, q, "type 2" if leg is None else "type 1", held)
             if point.converged and np.abs(mechanism.space.wrap(point.q - q)).max() < 1e-3:
                 return point
     return None

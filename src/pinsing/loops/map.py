@@ -262,13 +262,13 @@ def map_text(found: MechanismMap, page: Page = PLAIN, degrees: bool = False) -> 
         shares = (f"{k} {n} ({100 * n / kept:.3g} %)" for k, n in found.near.items())
         near = f"singular or near (measure at most {NEAR_RTOL:g}): {', '.join(shares)}"
         told = zip(found.output_ratio, found.input_ratio, found.constraint_ratio, strict=True)
-        rows = [["share", "type 1", "type 2", "constraint"]]
-        rows += [
-            [f"{100 * p:g} %", *(f"{x:.3g}" for x in measures)]
+        rows = [
+            (f"{100 * p:g} %", *(f"{x:.3g}" for x in measures))
             for p, measures in zip(found.quantiles, told, strict=True)
         ]
+        table = aligned(("share", "type 1", "type 2", "constraint"), rows, 4)
         lines.append(page.paragraph(near, first="  ", rest="    "))
-        lines += ["", *(f"  {line}" for line in aligned(rows, 4)), "", "smallest measures:"]
+        lines += ["", *(f"  {line}" for line in table), "", "smallest measures:"]
         lines += [
             "  " + line.replace("\u00a0", " ")  # these lines are not broken
             for line in pose_table(

@@ -37,6 +37,7 @@ from pinsing.loops.legs import Rod, Rods, carried, inside, rods, sphere_rods
 from pinsing.loops.modes import home
 from pinsing.loops.structure import (
     PLANE,
+    Centre,
     NotThisKind,
     at_zero,
     bodies,
@@ -84,16 +85,6 @@ def count_poses(mechanism: Mechanism, inputs: Array) -> int:
     return sum(bool(root.imag == 0) for root, _ in line.numer().complex_roots())
 
 
-def input_loci(mechanism: Mechanism) -> tuple[PoseEquation, ...]:
-    """Return type 2 over the inputs, exact, where these are the three distances; else empty."""
-    # The variables are the inputs, or the length of a leg by its input, "(p1 + 0.5)", where a slide
-    # is not zero at no length. A point on it has two poses that meet, real or complex ones.
-    found = planar_rods(mechanism)
-    if found is None or not all(r.kind == "strut" for r in found.rods):
-        return ()
-    return mechanism.once("input_loci", lambda: _input_loci(mechanism, found))
-
-
 def length_name(mechanism: Mechanism, rod: Rod, digits: int = 12) -> str:
     """The length of a rod that slides, by the value of its slide."""
     name = mechanism.joints[rod.sliding]
@@ -131,7 +122,14 @@ def _poses(
     return divided_by(square * wx**2 + wy**2 - 4 * square * squares[0] * below**2, n), below
 
 
-def _input_loci(mechanism: Mechanism, found: Rods) -> tuple[PoseEquation, ...]:
+@kept
+def input_loci(mechanism: Mechanism) -> tuple[PoseEquation, ...]:
+    """Return type 2 over the inputs, exact, where these are the three distances; else empty."""
+    # The variables are the inputs, or the length of a leg by its input, "(p1 + 0.5)", where a slide
+    # is not zero at no length. A point on it has two poses that meet, real or complex ones.
+    found = planar_rods(mechanism)
+    if found is None or not all(r.kind == "strut" for r in found.rods):
+        return ()
     exact = exact_points([p for rod in found.rods for p in (rod.outer, rod.inner)])
     # Up to that the coefficients stay of a length that is found in seconds.
     if max(v.denominator for p in exact.vectors for v in p[:2]) > 10**5:
@@ -243,15 +241,28 @@ def count_one_rod(mechanism: Mechanism, found: Sequence[Array], direct: bool) ->
     """Return how many poses (direct), or working modes, one rod between two joints has."""
     # Configurations ``found`` are to agree in the joint that is given.
     driven, other, centre = _one_rod(mechanism)
-    shown = direct or _shown(mechanism, other)
-    NotThisKind.refuse_if(not found or structure(mechanism).output - 1 != other or not shown)
+    zero, start = at_zero(mechanism), Sample(mechanism, home(mechanism))
+    # Whether the one row of the output is the motion of the other joint.
+    row, slides = mechanism.task.rows[0], mechanism.prismatic[other]
+    along = abs(float(zero.axis[other][row % 3]))
+    shown = bool(slides == (row < 3)) and abs(along - 1) <= ROUNDING
+    NotThisKind.refuse_if(
+        not found or structure(mechanism).output - 1 != other or not (direct or shown)
+    )
     given, sought = (driven, other) if direct else (other, driven)
     apart = mechanism.space.wrap(np.array(found) - found[0])[:, given]
     NotThisKind.refuse_if(np.abs(apart).max() > ROUNDING)
-    zero, start = at_zero(mechanism), Sample(mechanism, home(mechanism))
-    points, there = (_ends(mechanism, x, driven, other, centre) for x in (zero, start))
-    length = float(np.linalg.norm(there[given] - there[sought]))
-    held, moving = (carried(mechanism, zero, j, points[j], np.zeros(3)) for j in (given, sought))
+    # The ends of the rod: its centre on the side of one joint, where the loop closes on the other.
+    near = path_to(mechanism, centre.joints[0] + 1)[0]
+    (a,), (b,) = closing(mechanism)
+    frame = b if bodies(mechanism)[0][1] == (driven + other - near) + 1 else a
+
+    def end(sample: Sample, joint: int) -> Array:
+        at = sample.joints[centre.joints[0] + 1].act(centre.point)
+        return np.array(at if joint == near else sample.frames[frame].translation)
+
+    length = float(np.linalg.norm(end(start, given) - end(start, sought)))
+    held, moving = (carried(mechanism, zero, j, end(zero, j), np.zeros(3)) for j in (given, sought))
     roots = moving.solutions(held.foot(float(found[0][given])), False, length)
     return len(roots) if direct else inside(mechanism, sought, roots)
 
@@ -350,49 +361,36 @@ def _three_spheres(pairs: Rods, q: Array) -> int:
     return 2 * (left > 0)
 
 
-def _one_rod(mechanism: Mechanism) -> tuple[int, int, tuple[int, ...]]:
-    """The driven joint, the other one, and those of the rod's centre between."""
+def _one_rod(mechanism: Mechanism) -> tuple[int, int, Centre]:
+    """The driven joint, the other one, and the rod's centre between."""
     counts = [len(x) for x in (mechanism.loops, mechanism.actuated, mechanism.task.rows)]
     NotThisKind.refuse_if(counts != [1, 1, 1] or mechanism.loops[0].kind == "6d")
     paths = [path_to(mechanism, body) for body in bodies(mechanism)[0]]
     long, short = sorted(paths, key=len, reverse=True)
     NotThisKind.refuse_if(len(short) != 1 or len(long) < 2 or set(long) & set(short))
-    centre, ends = tuple(long[1:]), (long[0], short[0])
-    flat = mechanism.loops[0].kind == "planar" and len(centre) != 1
-    known = any(c.joints == centre for c in structure(mechanism).centres)
+    ends = (long[0], short[0])
+    flat = mechanism.loops[0].kind == "planar" and len(long) != 2
+    known = [c for c in structure(mechanism).centres if c.joints == tuple(long[1:])]
     whole = len(long) + 1 == mechanism.n and mechanism.actuated[0] in ends
     NotThisKind.refuse_if(flat or not known or not whole)
     driven, other = ends if mechanism.actuated[0] == ends[0] else ends[::-1]
-    return driven, other, centre
-
-
-def _ends(
-    mechanism: Mechanism, sample: Sample, driven: int, other: int, centre: tuple[int, ...]
-) -> dict[int, Array]:
-    """The end of the rod on the side of each of both joints."""
-    point = next(c.point for c in structure(mechanism).centres if c.joints == centre)
-    C = np.array(sample.joints[centre[0] + 1].act(point))
-    near = path_to(mechanism, centre[0] + 1)[0]
-    far = other if near == driven else driven
-    (a,), (b,) = closing(mechanism)
-    frame = b if bodies(mechanism)[0][1] == far + 1 else a
-    return {near: C, far: np.array(sample.frames[frame].translation)}
-
-
-def _shown(mechanism: Mechanism, joint: int) -> bool:
-    """Whether the one row of the output is the motion of this joint."""
-    row = mechanism.task.rows[0]
-    along = abs(float(at_zero(mechanism).axis[joint][row % 3]))
-    return bool(mechanism.prismatic[joint] == (row < 3)) and abs(along - 1) <= ROUNDING
+    return driven, other, known[0]
 
 
 def count_triangles(mechanism: Mechanism, found: Sequence[Array]) -> int:
     """Poses at the inputs of closed configurations (n,), limits left aside."""
     ring = _ring(mechanism)
-    moving = {j for j in ring if j in mechanism.passive}
-    on_way = moving & set(path_to(mechanism, structure(mechanism).output))
+    pins = [j for j in ring if j not in mechanism.actuated]
+    on_way = set(pins) & set(path_to(mechanism, structure(mechanism).output))
     NotThisKind.refuse_if(not found or not on_way)
-    corners = _corners(mechanism, ring, found[0])
+    # The three pins are parallel, and corners of a triangle in their plane.
+    sample, own = Sample(mechanism, found[0]), closing(mechanism)[0][0]
+    axes = np.array([sample.axis[j] for j in pins if j != LOOP])
+    if mechanism.loops[0].kind == "planar":
+        axes = np.concatenate([axes, np.array(sample.frames[own].rotation)[None, :, 2]])
+    NotThisKind.refuse_if(np.abs(np.cross(axes, axes[0])).max() > ROUNDING)
+    points = np.array([_place(sample, j, own) for j in pins])
+    corners = points @ np.linalg.svd(axes[:1])[2][1:].T
     sides = corners - np.roll(corners, 1, axis=0)
     lengths = np.linalg.norm(sides, axis=1)
     NotThisKind.refuse_if(lengths.min() <= ROUNDING * max(lengths.max(), ROUNDING))
@@ -411,10 +409,16 @@ def point_legs(mechanism: Mechanism) -> Rods | None:
     )
     if plane is None or not whole or not position_in(plane[0], mechanism.task.rows):
         return None
+    # The output is the position of the middle pin, as a point of one of its two bodies.
     start, zero = (Sample(mechanism, q, *plane) for q in (home(mechanism), np.zeros(mechanism.n)))
+    pin, own = ring[2], closing(mechanism)[0][0]
+    joined = bodies(mechanism)[0] if pin == LOOP else (pin + 1, mechanism.model.parents[pin + 1])
+    away = _place(start, pin, own) - np.array(start.output.translation)
+    near = np.linalg.norm(away[:2]) <= ROUNDING * mechanism.length_scale
+    if structure(mechanism).output not in joined or not near:
+        return None
     sides = zip((ring[0], ring[4]), (ring[1], ring[3]), closing(mechanism), strict=True)
     with suppress(NotThisKind):
-        NotThisKind.refuse_if(not _at_pin(mechanism, ring[2], start))
         legs = [
             carried(mechanism, zero, act, _place(zero, middle, own), np.zeros(3))
             for act, middle, (own,) in sides
@@ -438,30 +442,6 @@ def _ring(mechanism: Mechanism) -> list[int]:
     pins = [j for j in ring if j not in mechanism.actuated]
     whole = len(pins) == 3 and set(mechanism.passive) <= set(pins)
     return ring if whole and not set(first) & set(second) else []
-
-
-def _corners(mechanism: Mechanism, ring: Sequence[int], q: Array) -> Array:
-    """The three pins (3, 2) in their plane; NotThisKind where they are not parallel."""
-    sample = Sample(mechanism, q)
-    pins = [j for j in ring if j not in mechanism.actuated]
-    axes = np.array([sample.axis[j] for j in pins if j != LOOP])
-    frame = sample.frames[closing(mechanism)[0][0]]
-    if mechanism.loops[0].kind == "planar":
-        axes = np.concatenate([axes, np.array(frame.rotation)[None, :, 2]])
-    NotThisKind.refuse_if(np.abs(np.cross(axes, axes[0])).max() > ROUNDING)
-    points = np.array(
-        [frame.translation if j == LOOP else sample.joints[j + 1].translation for j in pins]
-    )
-    return np.asarray(points @ np.linalg.svd(axes[:1])[2][1:].T)
-
-
-def _at_pin(mechanism: Mechanism, pin: int, at: Sample) -> bool:
-    """Whether the output is the position of a pin, as a point of one of its two bodies."""
-    joined = (pin + 1, int(mechanism.model.parents[pin + 1]))
-    if structure(mechanism).output not in (bodies(mechanism)[0] if pin == LOOP else joined):
-        return False
-    away = _place(at, pin, closing(mechanism)[0][0]) - np.array(at.output.translation)
-    return bool(np.linalg.norm(away[:2]) <= ROUNDING * mechanism.length_scale)
 
 
 def noun(problem: str, count: int) -> str:

@@ -46,6 +46,7 @@ from pinsing.loops.closure import (
 from pinsing.loops.modes import home, mode_of
 from pinsing.loops.structure import output_pose
 from pinsing.measures import ALIKE, NEAR_RTOL, ROUNDING, SINGULAR_RTOL
+from pinsing.prose import Page, Table
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.task import ROW_NAMES
 from pinsing.serialization import JsonResult
@@ -69,14 +70,19 @@ class Motions:
 
     def kind(self, rtol: float = SINGULAR_RTOL) -> str:
         """``regular``, ``type 1``, ``type 2``, ``type 3`` or ``constraint``."""
-        return str(_kinds(self.output_ratio, self.input_ratio, self.constraint_ratio, rtol))
+        return str(_kinds(np.array(self.ratios), rtol))
+
+    @property
+    def ratios(self) -> tuple[float, float, float]:
+        """Measures of type 1, type 2 and constraint singularities."""
+        return self.output_ratio, self.input_ratio, self.constraint_ratio
 
 
-def _kinds(one: ArrayLike, two: ArrayLike, constraint: ArrayLike, rtol: float) -> Any:
-    """Kinds (...) by the measures (...) of type 1, type 2 and constraint singularities."""
-    low = [np.asarray(x) <= rtol for x in (constraint, one, two)]
+def _kinds(ratios: Array, rtol: float) -> Any:
+    """Kinds (...) by the measures (3, ...) of type 1, type 2 and constraint singularities."""
+    one, two, constraint = ratios <= rtol
     names = ["constraint", "type 3", "type 1", "type 2"]
-    return np.select([low[0], low[1] & low[2], low[1], low[2]], names, "regular")
+    return np.select([constraint, one & two, one, two], names, "regular")
 
 
 def motions(mechanism: Mechanism, q: ArrayLike, rtol: float = SINGULAR_RTOL) -> Motions:
@@ -87,9 +93,8 @@ def motions(mechanism: Mechanism, q: ArrayLike, rtol: float = SINGULAR_RTOL) -> 
 def _motions(loops: Loops, q: Array, rtol: float) -> Motions:
     mechanism = loops.mechanism
     found = _measured(mechanism, loops.scaled(q)[1], loops.output_scaled(q), rtol)
-    least = min(found.constraint_ratio, found.input_ratio, found.output_ratio)
     batch = mechanism.once("ball_loops", lambda: BatchLoops(mechanism))
-    if least > NEAR_RTOL or not locked(batch, q[None])[0]:
+    if min(found.ratios) > NEAR_RTOL or not locked(batch, q[None])[0]:
         return found
     G, J = ball_jacobians(batch, q[None])
     whole = _measured(mechanism, G[0], J[0], rtol)
@@ -272,7 +277,6 @@ def mechanism_at(mechanism: Mechanism, q: ArrayLike, rtol: float = SINGULAR_RTOL
         scale = loops.task_scale[:, None] * loops.column_scale[list(mechanism.actuated)]
         velocity = found.outputs @ np.linalg.pinv(found.inputs) / scale
     kind = found.kind(rtol)
-    measures = (found.constraint_ratio, found.input_ratio, found.output_ratio)
     return MechanismState(
         name=mechanism.name,
         joints=mechanism.joints,
@@ -281,7 +285,7 @@ def mechanism_at(mechanism: Mechanism, q: ArrayLike, rtol: float = SINGULAR_RTOL
         position=np.array(loops.output(q)[0].translation),
         closure=closure,
         kind=kind,
-        near=kind == "regular" and min(measures) <= NEAR_RTOL,
+        near=kind == "regular" and min(found.ratios) <= NEAR_RTOL,
         mode=mode_of(mechanism, q),
         constraint_ratio=found.constraint_ratio,
         input_ratio=found.input_ratio,
@@ -294,7 +298,7 @@ def mechanism_at(mechanism: Mechanism, q: ArrayLike, rtol: float = SINGULAR_RTOL
 
 def kinds_of(ratios: Array) -> NDArray[np.str_]:
     """Kinds (N,) by measures (3, N): those of `Motions.kind`, and ``near``."""
-    found = _kinds(ratios[0], ratios[1], ratios[2], SINGULAR_RTOL)
+    found = _kinds(ratios, SINGULAR_RTOL)
     return np.where((found == "regular") & (ratios.min(axis=0) <= NEAR_RTOL), "near", found)
 
 
@@ -309,8 +313,7 @@ def measure_many(loops: BatchLoops, Q: Array, rtol: float = SINGULAR_RTOL) -> Ar
     if beside.any():  # a ball that is locked as written turns as a ball does
         ratios[:, beside] = _ratios(mechanism, *ball_jacobians(loops, Q[beside]))
     for k in np.flatnonzero(ratios[2] <= rtol).tolist():  # more motions than the mobility; few are
-        found = motions(mechanism, Q[k], rtol)
-        ratios[:, k] = found.output_ratio, found.input_ratio, found.constraint_ratio
+        ratios[:, k] = motions(mechanism, Q[k], rtol).ratios
     return ratios
 
 
@@ -318,30 +321,24 @@ def _ratios(mechanism: Mechanism, G: Array, J: Array) -> Array:
     """Measures (3, N), in their order, from Jacobians of closure (N, k, n) and output (N, m, n)."""
     generic = ranks(mechanism)
     r = generic.constraint
-    sigma, N = _motions_many(G, r)
-    top = sigma[:, 0]
-    inputs = N[:, list(mechanism.actuated)]
+    # Where as many rows as the rank are not zero, G' = Q R has both singular values and kernel in
+    # two thirds of the time: the values of R, the last columns of Q.
+    rows = np.flatnonzero(np.abs(G).max(axis=(0, 2)) > 1e-12)
+    if len(rows) == r:
+        Q, R = np.linalg.qr(np.swapaxes(G[:, rows], 1, 2), mode="complete")
+        sigma, N = np.linalg.svd(R[:, :r], compute_uv=False), Q[:, :, r:]
+    else:
+        _, sigma, Vt = np.linalg.svd(G, full_matrices=True)
+        N = np.swapaxes(Vt[:, r:], 1, 2)
+    top, d = sigma[:, 0], N.shape[2]
     size = np.sqrt(np.maximum(np.linalg.eigvalsh(J @ np.swapaxes(J, 1, 2))[:, -1], 0.0))
     moved = np.linalg.svd(J @ N, compute_uv=False)
-    held = np.linalg.svd(inputs, compute_uv=False)
-    d = N.shape[2]
+    held = np.linalg.svd(N[:, list(mechanism.actuated)], compute_uv=False)
     two = held[:, d - 1] if d <= held.shape[1] else np.zeros(len(G))
     with np.errstate(divide="ignore", invalid="ignore"):
         one = np.where(size > 0, moved[:, generic.output - 1] / size, 0.0)
         constraint = np.where(top > 0, sigma[:, r - 1] / top, 0.0)
     return np.array([one, two, constraint], dtype=float)
-
-
-def _motions_many(G: Array, rank: int) -> tuple[Array, Array]:
-    """Return singular values of G (N, k, n), and a basis (N, n, n - rank) of its kernel."""
-    # Where as many rows as the rank are not zero, G' = Q R has both in two thirds of the time: the
-    # values of R, the last columns of Q.
-    rows = np.flatnonzero(np.abs(G).max(axis=(0, 2)) > 1e-12)
-    if len(rows) != rank:
-        _, sigma, Vt = np.linalg.svd(G, full_matrices=True)
-        return sigma, np.swapaxes(Vt[:, rank:], 1, 2)
-    Q, R = np.linalg.qr(np.swapaxes(G[:, rows], 1, 2), mode="complete")
-    return np.linalg.svd(R[:, :rank], compute_uv=False), Q[:, :, rank:]
 
 
 COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
@@ -433,8 +430,22 @@ def led_pose(mechanism: Mechanism) -> dict[str, Any]:
     axis of the base always: ``at`` is the angle at the rotation ``zero``), or ``angles`` (some of
     roll, pitch and yaw; the others follow).
     """
-    start = home(mechanism)
-    rows = sorted(_independent(mechanism, start))
+    start, loops = home(mechanism), BatchLoops(mechanism)
+
+    def moves(q: Array) -> Array:
+        """Velocities (6, d) of the output over the motions that the loops allow."""
+        return np.asarray(loops.output(q[None])[2][0] @ motions(mechanism, q).basis)
+
+    rest = moves(start)[list(mechanism.task.rows)]
+    chosen: set[int] = set()
+    for _ in range(min(ranks(mechanism).output, len(rest))):
+        # Of rows that move alike the earlier one is taken, whatever rounding says.
+        k = int(np.argmax(np.round(np.linalg.norm(rest, axis=1), 9)))
+        chosen.add(int(mechanism.task.rows[k]))
+        size = float(np.linalg.norm(rest[k]))
+        if size > 0:
+            rest = rest - np.outer(rest @ rest[k], rest[k]) / size**2
+    rows = sorted(chosen)
     turning = [row for row in rows if row >= 3]
     if not turning:
         return {"rows": rows, "turn": None}
@@ -442,33 +453,11 @@ def led_pose(mechanism: Mechanism) -> dict[str, Any]:
         return {"rows": rows, "turn": {"kind": "full"}}
     others = [row for row in (3, 4, 5) if row not in turning]
     samples = [start, *random_closed(mechanism, 4, np.random.default_rng(673))]
-    still = all(np.abs(_moves(mechanism, q)[others]).max() <= 1e-8 for q in samples)
-    if len(turning) > 1 or not still:
+    if len(turning) > 1 or any(np.abs(moves(q)[others]).max() > 1e-8 for q in samples):
         return {"rows": rows, "turn": {"kind": "angles"}}
     R = np.array(output_pose(mechanism, start).rotation)
     angle = float(pin.rpy.matrixToRpy(R)[turning[0] - 3])
     return {"rows": rows, "turn": {"kind": "axis", "at": angle, "zero": R.tolist()}}
-
-
-def _moves(mechanism: Mechanism, q: Array) -> Array:
-    """Velocities (6, d) of the output over the motions that the loops allow, without units."""
-    _, _, J = BatchLoops(mechanism).output(q[None])
-    return np.asarray(J[0] @ motions(mechanism, q).basis)
-
-
-def _independent(mechanism: Mechanism, q: Array) -> list[int]:
-    """Rows of the output that move independently, the one that moves most first."""
-    rest = _moves(mechanism, q)[list(mechanism.task.rows)]
-    count = min(ranks(mechanism).output, len(rest))
-    chosen: list[int] = []
-    for _ in range(count):
-        # Of rows that move alike the earlier one is taken, whatever rounding says.
-        k = int(np.argmax(np.round(np.linalg.norm(rest, axis=1), 9)))
-        chosen.append(int(mechanism.task.rows[k]))
-        size = float(np.linalg.norm(rest[k]))
-        if size > 0:
-            rest = rest - np.outer(rest @ rest[k], rest[k]) / size**2
-    return list(dict.fromkeys(chosen))
 
 
 @dataclass(frozen=True)
@@ -509,35 +498,25 @@ def pose_table(
     for left in ([], alike) if alike else ([],):
         said = ", ".join(f"{c.title} = {_number(c.shown(degrees)[0], 5)}" for c in left)
         head = [f"each at {said}"] if left else []
+        numbers = [*(c for c in pose if c not in left), *columns]
+        cells = list(zip(*(c.shown(degrees) for c in numbers), strict=True))
         for digits in (5, 4, 3):
-            numbers = [*(c for c in pose if c not in left), *columns]
-            lines = _lines(numbers, more, titles, degrees, digits)
+            rows = [
+                (str(i), *(_number(v, digits) for v in row), *extra)
+                for i, (row, extra) in enumerate(zip(cells, more, strict=True), 1)
+            ]
+            titled = ("", *(c.title for c in numbers), *titles)
+            lines = aligned(titled, rows, len(numbers) + 2)
             if max(map(len, lines)) <= width:
                 # Spaces that do not break keep a row on its line.
                 return [*head, *(line.replace(" ", "\u00a0") for line in lines)]
     return [*head, *lines]
 
 
-def _lines(
-    numbers: Sequence[Column],
-    more: Sequence[Sequence[str]],
-    titles: Sequence[str],
-    degrees: bool,
-    digits: int,
-) -> list[str]:
-    values = zip(*(c.shown(degrees) for c in numbers), strict=True)
-    rows = [
-        [str(i), *(_number(v, digits) for v in row), *extra]
-        for i, (row, extra) in enumerate(zip(values, more, strict=True), 1)
-    ]
-    return aligned([["", *(c.title for c in numbers), *titles], *rows], len(numbers) + 2)
-
-
-def aligned(rows: Sequence[Sequence[str]], right: int) -> list[str]:
-    """Lines of a table whose first columns, so many, end in line."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    wide = [*widths[:right], *[0] * (len(widths) - right)]
-    return ["  ".join(x.rjust(w) for x, w in zip(row, wide, strict=True)).rstrip() for row in rows]
+def aligned(header: tuple[str, ...], rows: Sequence[tuple[str, ...]], right: int) -> list[str]:
+    """Lines of a table, as wide as they come, whose first columns, so many, are of numbers."""
+    table = Table(header, tuple(rows), frozenset(range(right)))
+    return Page(10**6).table(table).split("\n")
 
 
 def _number(value: float, digits: int) -> str:

@@ -319,7 +319,7 @@ def refine_point(
     q = mechanism.check(q)
     loops = Loops(mechanism)
     inner = Loops(to_its_size(mechanism))
-    found = _solve(_System(inner, q, kind, list(held)), q) * inner.column_scale
+    found = _solve(inner, q, kind, list(held)) * inner.column_scale
     return _point(loops, found, kind, held, rtol)
 
 
@@ -338,7 +338,7 @@ def find_singular(
         for kind, k in _candidates(t, mechanism.actuated[t.moving]):
             if over is not None and over():
                 break
-            if (point := _refined(mechanism, t, kind, k, rtol)) is not None:
+            if (point := refined(mechanism, t, kind, k, rtol)) is not None:
                 asked = ("type 1", "type 2") if point.kind == "type 3" else (point.kind,)
                 whole = all(bool((t.measures[k] <= ROUNDING).all()) for k in asked)
                 _add(mechanism, found, replace(point, whole_curve=whole))
@@ -346,7 +346,7 @@ def find_singular(
     return tuple(sorted(once, key=lambda p: (p.moving, p.kind, *np.round(p.inputs, 9))))
 
 
-def _refined(
+def refined(
     mechanism: Mechanism, t: Trace, kind: str, k: int, rtol: float = SINGULAR_RTOL
 ) -> SingularPoint | None:
     """The singular point of a kind beside sample k of a curve; None where there is none."""
@@ -379,16 +379,6 @@ def _of_one_mode(mechanism: Mechanism, found: list[SingularPoint]) -> list[Singu
     return out
 
 
-def turning_points(mechanism: Mechanism, t: Trace) -> tuple[SingularPoint, ...]:
-    """Where the moving input turns back along a curve: type 2, the ends of its range."""
-    index = mechanism.actuated[t.moving]
-    found: list[SingularPoint] = []
-    for k in _turns(t, index):
-        if (point := _refined(mechanism, t, "type 2", k)) is not None:
-            _add(mechanism, found, point)
-    return tuple(found)
-
-
 def _add(mechanism: Mechanism, found: list[SingularPoint], point: SingularPoint) -> None:
     for i, other in enumerate(found):
         if np.abs(mechanism.space.wrap(point.q - other.q)).max() <= ALIKE:
@@ -399,7 +389,8 @@ def _add(mechanism: Mechanism, found: list[SingularPoint], point: SingularPoint)
     found.append(point)
 
 
-def _turns(t: Trace, index: int) -> list[int]:
+def turns(t: Trace, index: int) -> list[int]:
+    """Samples beside which a joint, by its index, turns back along a curve."""
     slope = t.direction[:, index]
     # An input that stays along a curve does not turn: the signs of its slope are rounding.
     found = np.flatnonzero(slope[:-1] * slope[1:] <= 0) + 1
@@ -418,7 +409,7 @@ def _one_of_each_run(found: list[int], zero: Bool) -> list[int]:
 
 
 def _candidates(t: Trace, index: int) -> list[tuple[str, int]]:
-    out = [("type 2", k) for k in _turns(t, index)]
+    out = [("type 2", k) for k in turns(t, index)]
     for kind, ratio in t.measures.items():
         if len(ratio) < 3:
             continue
@@ -440,88 +431,64 @@ def _candidates(t: Trace, index: int) -> list[tuple[str, int]]:
     return sorted(out, key=lambda c: c[0] != "constraint")
 
 
-class _System:
-    """The smooth system of (q, Z) that a kind of singularity solves, without units."""
+def _solve(loops: Loops, q: Array, kind: str, held: list[int]) -> Array:
+    """Solve the smooth system of (x, Z) of a kind near q (n,); x is without units."""
+    mechanism, n, step_x = loops.mechanism, loops.mechanism.n, 1e-5
+    d = {"type 3": 2, "constraint": ranks(mechanism).mobility + 1}.get(kind, 1)
+    # Products of columns of Z that are given: the two of type 3 are each of length 1, no more.
+    pairs = np.diag_indices(2) if kind == "type 3" else np.triu_indices(d)
+    actuated = np.eye(n)[list(mechanism.actuated)]
+    start = q / loops.column_scale
 
-    def __init__(self, loops: Loops, q: Array, kind: str, held: list[int]) -> None:
-        mechanism = loops.mechanism
-        self.loops, self.kind, self.held = loops, kind, held
-        self.n = mechanism.n
-        self.anchor = (q / loops.column_scale)[held]
-        self.extra = {"type 3": 2, "constraint": ranks(mechanism).mobility + 1}.get(kind, 1)
-        # Products of columns of Z that are given: the two of type 3 are each of length 1, no more.
-        self._pairs = np.diag_indices(2) if kind == "type 3" else np.triu_indices(self.extra)
-        self._actuated = np.eye(self.n)[list(mechanism.actuated)]
-
-    def matrices(self, x: Array) -> tuple[Array, Array, list[tuple[Array, slice]]]:
-        """Closure error, constraint Jacobian, and matrices with the columns of Z they take to 0."""
-        q = x * self.loops.column_scale
-        error, G = self.loops.scaled(q)
-        if self.kind == "constraint":
-            return error, G, [(G, slice(None))]
+    def matrices(x: Array) -> tuple[Array, list[tuple[Array, slice]]]:
+        """Closure error, and matrices with the columns of Z that they take to zero."""
+        at = x * loops.column_scale
+        error, G = loops.scaled(at)
+        if kind == "constraint":
+            return error, [(G, slice(None))]
         found = []
-        if self.kind != "type 2":
-            found.append(np.vstack([G, self.loops.output_scaled(q)]))
-        if self.kind != "type 1":
-            found.append(np.vstack([G, self._actuated]))
-        return error, G, [(M, slice(k, k + 1)) for k, M in enumerate(found)]
+        if kind != "type 2":
+            found.append(np.vstack([G, loops.output_scaled(at)]))
+        if kind != "type 1":
+            found.append(np.vstack([G, actuated]))
+        return error, [(M, slice(k, k + 1)) for k, M in enumerate(found)]
 
-    def products(self, x: Array, Z: Array) -> tuple[Array, Array]:
-        """Closure error, and what the matrices make of Z."""
-        error, _, blocks = self.matrices(x)
-        return error, np.concatenate([(M @ Z[:, c]).ravel() for M, c in blocks])
+    def residual(x: Array, Z: Array, made: tuple[Array, list[tuple[Array, slice]]]) -> Array:
+        error, blocks = made
+        moved = [(M @ Z[:, c]).ravel() for M, c in blocks]
+        unit = (Z.T @ Z - np.eye(d))[pairs]
+        return np.concatenate([error, *moved, unit, (x - start)[held]])
 
-    def start(self, q: Array) -> tuple[Array, Array]:
-        x = q / self.loops.column_scale
-        Z = np.zeros((self.n, self.extra))
-        for M, c in self.matrices(x)[2]:
-            Z[:, c] = np.linalg.svd(M)[2][-Z[:, c].shape[1] :].T
-        return x, Z
+    def inverse_at(x: Array, Z: Array) -> Array:
+        """The inverse of the Jacobian, by central differences: in Z, of degree 2, exact."""
+        sides = [(x + step_x * e, x - step_x * e) for e in np.eye(n)]
+        columns = [
+            (residual(a, Z, matrices(a)) - residual(b, Z, matrices(b))) / (2 * step_x)
+            for a, b in sides
+        ]
+        made = matrices(x)
+        columns += [
+            (residual(x, Z + E, made) - residual(x, Z - E, made)) / 2
+            for E in np.eye(n * d).reshape(-1, n, d)
+        ]
+        return np.asarray(np.linalg.pinv(np.array(columns).T, rcond=1e-9))
 
-    def residual(self, x: Array, Z: Array) -> Array:
-        unit = (Z.T @ Z - np.eye(self.extra))[self._pairs]
-        return np.concatenate([*self.products(x, Z), unit, x[self.held] - self.anchor])
-
-    def jacobian(self, x: Array, Z: Array) -> Array:
-        """Exact but for the derivative of the Jacobians, which is a central difference."""
-        n, d, step = self.n, self.extra, 1e-5
-        error, G, blocks = self.matrices(x)
-        k, rows = len(error), sum(len(M) * Z[:, c].shape[1] for M, c in blocks)
-        J = np.zeros((k + rows + len(self._pairs[0]) + len(self.held), n + n * d))
-        J[:k, :n] = G
-        for j, e in enumerate(np.eye(n)):
-            change = self.products(x + step * e, Z)[1] - self.products(x - step * e, Z)[1]
-            J[k : k + rows, j] = change / (2 * step)
-        at, place = k, np.arange(n * d).reshape(n, d)
-        for M, c in blocks:
-            columns = place[:, c]
-            block = np.kron(M, np.eye(columns.shape[1]))
-            J[at : at + len(block), n + columns.ravel()] = block
-            at += len(block)
-        for r, (a, b) in enumerate(zip(*self._pairs, strict=True)):
-            row = np.zeros((n, d))
-            row[:, a] += Z[:, b]
-            row[:, b] += Z[:, a]
-            J[k + rows + r, n:] = row.ravel()
-        J[J.shape[0] - len(self.held) :, self.held] = np.eye(len(self.held))
-        return J
-
-
-def _solve(system: _System, q: Array) -> Array:
-    """Damped Newton steps of least length: the system may have dependent or spare equations."""
-    x, Z = system.start(q)
-    value = system.residual(x, Z)
+    x, Z = start, np.zeros((n, d))
+    for M, c in matrices(x)[1]:
+        Z[:, c] = np.linalg.svd(M)[2][-Z[:, c].shape[1] :].T
+    value = residual(x, Z, matrices(x))
     size, stalled = float(np.linalg.norm(value)), 0
     for _ in range(40):
         if size <= 1e-15 or stalled == 2:
             break
-        inverse = np.linalg.pinv(system.jacobian(x, Z), rcond=1e-9)
+        # Damped steps of least length: the system may have dependent or spare equations.
+        inverse = inverse_at(x, Z)
         step = -inverse @ value
         factor = min(1.0, 0.3 / max(float(np.abs(step).max()), 1e-300))
         for _ in range(6):
-            x_new = x + factor * step[: system.n]
-            Z_new = Z + factor * step[system.n :].reshape(Z.shape)
-            value_new = system.residual(x_new, Z_new)
+            x_new = x + factor * step[:n]
+            Z_new = Z + factor * step[n:].reshape(n, d)
+            value_new = residual(x_new, Z_new, matrices(x_new))
             size_new = float(np.linalg.norm(value_new))
             # Where joints are nearly locked the equations bend: the step that is left tells more.
             ahead, behind = (float(np.linalg.norm(x)) for x in (inverse @ value_new, step))

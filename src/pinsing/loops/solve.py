@@ -31,7 +31,7 @@ from pinsing.loops.modes import (
     mode_of,
 )
 from pinsing.loops.motion import Pose, motions, pose_of, read_pose
-from pinsing.loops.singular_points import StoppedError, Trace, trace, turning_points
+from pinsing.loops.singular_points import StoppedError, Trace, refined, trace, turns
 from pinsing.loops.structure import groups, likeness, output_pose, structure
 from pinsing.measures import ALIKE, SEED, SOLVED
 from pinsing.robot.mechanism import Mechanism
@@ -152,38 +152,28 @@ def follow(
 def _walk(
     loops: Loops, q: Array, target: Array, actuated: list[int], free: Bool
 ) -> tuple[Array, float, str]:
-    origin = q[actuated].copy()
-    units = loops.column_scale[actuated]
-    distance = float(np.abs((target - origin) / units).max())
-    if distance == 0:
-        return q, 1.0, ""
-    part, step = 0.0, min(1.0, _STEP / distance)
-    smallest = min(1.0, 1e-5 / distance)
+    """Move inputs to a target as far as the mode leads: where it is, the part covered, and why."""
+    origin, units = q[actuated], loops.column_scale
+    distance = float(np.abs((target - origin) / units[actuated]).max())
+    part, step = 0.0 if distance else 1.0, _STEP / max(distance, _STEP)
     while part < 1:
         ahead = min(1.0, part + step)
-        guess = _predict(loops, q, (ahead - part) * (target - origin) / units, actuated, free)
+        # Along the tangent, by not too long a step.
+        G, move = loops.scaled(q)[1], (ahead - part) * (target - origin) / units[actuated]
+        passive = np.linalg.lstsq(G[:, free], -G[:, actuated] @ move, rcond=1e-11)[0]
+        longest = max(float(np.abs(passive).max(initial=0.0)), 2 * _STEP)
+        guess = q.copy()
+        guess[free] += passive * (2 * _STEP / longest) * units[free]
         guess[actuated] = origin + ahead * (target - origin)
         # A corrector that runs off is about to jump to another assembly mode, or over a fold.
         new, error = gauss_newton(loops, guess, free, steps=12, reach=_STEP)
         if error <= SOLVED:
-            q, part = new, ahead
-            step = min(2 * step, _STEP / distance)
+            q, part, step = new, ahead, min(2 * step, _STEP / distance)
             continue
         step /= 2
-        if step < smallest:
+        if step < 1e-5 / max(distance, 1e-5):
             return q, part, "the path ends at a type 2 singularity: the loops do not close beyond"
     return q, 1.0, ""
-
-
-def _predict(loops: Loops, q: Array, move: Array, actuated: list[int], free: Bool) -> Array:
-    G = loops.scaled(q)[1]
-    passive = np.linalg.lstsq(G[:, free], -G[:, actuated] @ move, rcond=1e-11)[0]
-    longest = float(np.abs(passive).max(initial=0.0))
-    if longest > 2 * _STEP:
-        passive *= 2 * _STEP / longest
-    out = q.copy()
-    out[free] += passive * loops.column_scale[free]
-    return out
 
 
 MOST_CURVES = 24
@@ -287,9 +277,14 @@ def intervals(mechanism: Mechanism, found: Sequence[Trace], moving: int) -> tupl
     pieces = []
     for t in found:
         # The ends are type 2 singularities: between samples, so they are refined.
-        ends = [point.q[index] for point in turning_points(mechanism, t)]
         value = t.q[:, index]
-        value = np.concatenate([value, _near(value, np.array(ends), mechanism.prismatic[index])])
+        found_ends = (refined(mechanism, t, "type 2", k) for k in turns(t, index))
+        ends = np.array([point.q[index] for point in found_ends if point is not None])
+        if not mechanism.prismatic[index]:
+            # By the whole turns that bring them beside the curve's own values.
+            near = value[np.argmin(np.abs(np.sin((value[:, None] - ends) / 2)), axis=0)]
+            ends = ends + 2 * np.pi * np.round((near - ends) / (2 * np.pi))
+        value = np.concatenate([value, ends])
         low, high = float(value.min()), float(value.max())
         if not mechanism.prismatic[index]:
             if high - low >= 2 * np.pi - 1e-6:
@@ -307,14 +302,6 @@ def intervals(mechanism: Mechanism, found: Sequence[Trace], moving: int) -> tupl
     # A curve that ends where it begins, at a limit, is no range.
     scale = mechanism.length_scale if mechanism.prismatic[index] else 1.0
     return tuple(Interval(low, high) for low, high in merged if high - low > 1e-7 * scale)
-
-
-def _near(value: Array, ends: Array, prismatic: bool) -> Array:
-    """Ends (folded) moved by the whole turns that bring them beside the curve's own values."""
-    if prismatic or not len(ends):
-        return ends
-    nearest = value[np.argmin(np.abs(np.sin((value[:, None] - ends) / 2)), axis=0)]
-    return np.asarray(ends + 2 * np.pi * np.round((nearest - ends) / (2 * np.pi)))
 
 
 def drive(mechanism: Mechanism, inputs: ArrayLike, start: ArrayLike) -> Solution:
@@ -427,7 +414,7 @@ def assembly_modes(
     ranks(mechanism)
     actuated = list(mechanism.actuated)
     asked = home(mechanism)[actuated] if inputs is None else mechanism.check_inputs(inputs)
-    _check_starts(starts)
+    OptionError.refuse_if(starts < 1, f"starts must be 1 or more, got {starts}")
     dyad = planar_dyad(mechanism)
     if dyad is not None:
         return _exact(mechanism, "direct", dyad.close(asked), 2)
@@ -485,7 +472,7 @@ def working_modes(
     (4, True)
     """
     generic = ranks(mechanism)
-    _check_starts(starts)
+    OptionError.refuse_if(starts < 1, f"starts must be 1 or more, got {starts}")
     OptionError.refuse_if(
         generic.output < generic.mobility,
         f"{mechanism.name} has {generic.mobility} degrees of freedom, but the output "
@@ -494,7 +481,7 @@ def working_modes(
     )
     wanted = read_pose(mechanism, pose)
     dyad = planar_dyad(mechanism)
-    if dyad is not None and dyad.at_pin(mechanism):
+    if dyad is not None and dyad.at_pin():
         at = dyad.basis @ np.array(wanted.translation)
         return _exact(mechanism, "inverse", dyad.working_modes(at), 4)
     free = np.ones(mechanism.n, dtype=bool)
@@ -520,10 +507,6 @@ def assemblies(
         inputs = mechanism.check_inputs(inputs)
         raise InfeasibleError(mechanism, inputs, feasible(mechanism, inputs), found.beyond)
     return found.modes
-
-
-def _check_starts(starts: int) -> None:
-    OptionError.refuse_if(starts < 1, f"starts must be 1 or more, got {starts}")
 
 
 def _exact(mechanism: Mechanism, problem: str, found: tuple[Array, ...], most: int) -> Modes:
@@ -609,26 +592,20 @@ def _poses(loops: BatchLoops, Q: Array) -> tuple[list[Array], list[int]]:
     """Return configurations with different poses of the output, and how often each was found."""
     # At a double solution (type 2) Newton's method has half of the digits, and one looks like
     # several: poses that lie close are brought nearer first.
-    if not len(Q):
-        return [], []
     mechanism = loops.mechanism
-    poses, hits = _apart(loops, Q, [1] * len(Q))
-    marks = _marks(loops, np.array(poses))
-    gaps = np.abs(marks[:, None] - marks[None]).max(axis=-1) + np.eye(len(poses))
     passive = np.isin(np.arange(mechanism.n), mechanism.passive)
-    for k in np.flatnonzero(gaps.min(axis=1) <= 1e-3).tolist():
-        poses[k], _ = gauss_newton(Loops(mechanism), poses[k], passive)
-    return _apart(loops, np.array(poses), hits)
-
-
-def _apart(loops: BatchLoops, Q: Array, times: list[int]) -> tuple[list[Array], list[int]]:
-    alike = groups(_marks(loops, Q), 10 * ALIKE)
-    return [Q[group[0]] for group in alike], [sum(times[k] for k in group) for group in alike]
-
-
-def _marks(loops: BatchLoops, Q: Array) -> Array:
-    R, p, _ = loops.output(Q)
-    return np.concatenate([p / loops.mechanism.length_scale, R.reshape(-1, 9)], axis=1)
+    poses, hits = Q, np.ones(len(Q), dtype=int)
+    for again in (True, False):
+        R, p, _ = loops.output(poses)
+        marks = np.concatenate([p / mechanism.length_scale, R.reshape(-1, 9)], axis=1)
+        alike = groups(marks, 10 * ALIKE)
+        firsts = [group[0] for group in alike]
+        poses, marks = poses[firsts], marks[firsts]
+        hits = np.array([hits[group].sum() for group in alike], dtype=int)
+        gaps = np.abs(marks[:, None] - marks[None]).max(axis=-1) + np.eye(len(poses))
+        for k in np.flatnonzero((gaps <= 1e-3).any(axis=1)).tolist() if again else ():
+            poses[k], _ = gauss_newton(Loops(mechanism), poses[k], passive)
+    return list(poses), hits.tolist()
 
 
 def _solution(mechanism: Mechanism, q: Array, ways: int, free: Bool | None = None) -> Solution:

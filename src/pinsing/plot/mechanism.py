@@ -95,7 +95,7 @@ def _type_1(
 ) -> Iterator[tuple[Array, str]]:
     """Yield left sides of type 1 over the grid, NaN where loops do not close, and strokes."""
     # Of an output that is the pin: of each leg, stretched and folded; else equations in the angles.
-    if not dyad.at_pin(mechanism):
+    if not dyad.at_pin():
         forms = joint_forms(mechanism)
         for k, locus in enumerate(forms.loci):
             if locus.kind == "type 1":
@@ -119,7 +119,7 @@ def map_legend(ax: Axes, mechanism: Mechanism | None = None) -> None:
         Line2D([], [], color=TYPE_2, label="type 2: B1, P, B2 in line"),
         Line2D([], [], color=TYPE_2, marker="o", mfc="white", ls="", label="type 2: B1 = B2"),
     ]
-    if mechanism is None or dyad is None or dyad.at_pin(mechanism):
+    if mechanism is None or dyad is None or dyad.at_pin():
         handles += [
             Line2D([], [], color=TYPE_1, label="type 1: a leg stretched"),
             Line2D([], [], color=TYPE_1, ls="--", label="type 1: a leg folded"),
