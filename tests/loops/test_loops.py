@@ -42,7 +42,7 @@ from pinsing.loops import (
 )
 from pinsing.loops.closure import Loops, gauss_newton, random_closed
 from pinsing.loops.loop_forms import planar_dyad
-from pinsing.loops.modes import elbow_sines
+from pinsing.loops.motion import elbow_sines
 from pinsing.robot.load_mechanism import Loop, Mechanism, load_mechanism
 
 MODELS = ("five_bar", "four_bar", "planar_3rrr")

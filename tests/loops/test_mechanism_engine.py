@@ -22,7 +22,7 @@ from pinsing.loops import (
 )
 from pinsing.loops.closure import BatchLoops, Loops, newton, random_closed
 from pinsing.loops.loop_forms import planar_dyad
-from pinsing.loops.modes import assembly_sign
+from pinsing.loops.motion import assembly_sign
 from pinsing.loops.structure import output_pose
 from pinsing.robot.load_mechanism import Loop, Mechanism
 from pinsing.view.mechanism_viewer import groups, linkage_sizes

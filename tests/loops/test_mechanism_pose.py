@@ -11,8 +11,7 @@ from tiers import tiered
 
 from pinsing.loops import home, mechanism_at, working_modes
 from pinsing.loops.closure import Loops
-from pinsing.loops.modes import elbows, mode_of
-from pinsing.loops.motion import led_pose, read_pose
+from pinsing.loops.motion import elbows, led_pose, mode_of, read_pose
 from pinsing.loops.structure import output_pose
 from pinsing.robot.load_mechanism import Loop, Mechanism
 

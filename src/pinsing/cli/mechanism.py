@@ -40,6 +40,12 @@ _ARM_ANALYSIS: dict[str, Any] = {
 }  # fmt: skip
 """Options of ``analyze`` that arms alone have, and what they are if not given."""
 
+_ARM_CHAIN: dict[str, Any] = {
+    "tip": None, "base": None, "joints": None, "tool_axis": None, "zones": None, "design": None,
+    "calibration": None, "task": "pose",
+}  # fmt: skip
+"""Options that choose a serial chain or its task, and what they are if not given."""
+
 F = TypeVar("F", bound=Callable[..., Any])
 Run = Callable[..., Any]
 
@@ -66,7 +72,7 @@ def loops_option(run: Run) -> Callable[[F], F]:
             robot = str(options["robot"])
             if loops == Path():
                 loops = loops_beside(robot)
-            elif loops is None and not no_loops and not _of_arms(options):
+            elif loops is None and not no_loops and not _given(options, _ARM_CHAIN):
                 loops = loops_at_hand(robot)
                 if loops is not None:
                     say(f"note: closed loops are those of {loops}; --no-loops takes a serial chain")
@@ -77,38 +83,35 @@ def loops_option(run: Run) -> Callable[[F], F]:
     return decorate
 
 
-def joints_option(command: F) -> F:
-    """Add ``--all-joints``, which only mechanisms have."""
+def _only_loops(name: str, why: str, **attributes: Any) -> Callable[[F], F]:
+    """Add an option that only mechanisms have; of an arm it is refused."""
+    option = f"--{name.replace('_', '-')}"
 
-    @click.option(
-        "--all-joints", is_flag=True, help="With --loops: values of all joints in each mode."
-    )
-    @functools.wraps(command)
-    def wrapper(*args: Any, all_joints: bool = False, **options: Any) -> Any:
-        OptionError.refuse_if(
-            all_joints, "--all-joints goes with --loops: a serial arm has no modes to list"
-        )
-        return command(*args, **options)
+    def decorate(command: F) -> F:
+        @click.option(option, **attributes)
+        @functools.wraps(command)
+        def wrapper(*args: Any, **options: Any) -> Any:
+            OptionError.refuse_if(options.pop(name, None), f"{option} goes with --loops: {why}")
+            return command(*args, **options)
 
-    return wrapper  # type: ignore[return-value]
+        return wrapper  # type: ignore[return-value]
+
+    return decorate
 
 
-def over_option(command: F) -> F:
-    """Add ``--over`` to ``map``, which only mechanisms have."""
+joints_option = _only_loops(
+    "all_joints", "a serial arm has no modes to list", is_flag=True,
+    help="With --loops: values of all joints in each mode.",
+)  # fmt: skip
+over_option = _only_loops(
+    "over", "an arm is mapped over its joints", type=click.Choice(("inputs", "poses")),
+    help="With --loops: what is drawn at random.  [default: inputs]",
+)  # fmt: skip
 
-    @click.option(
-        "--over",
-        type=click.Choice(("inputs", "poses")),
-        help="With --loops: what is drawn at random.  [default: inputs]",
-    )
-    @functools.wraps(command)
-    def wrapper(*args: Any, over: str | None = None, **options: Any) -> Any:
-        OptionError.refuse_if(
-            over is not None, "--over goes with --loops: an arm is mapped over its joints"
-        )
-        return command(*args, **options)
 
-    return wrapper  # type: ignore[return-value]
+def _given(options: dict[str, Any], usual: dict[str, Any]) -> list[str]:
+    """The options that are not as they are if not given, as they are typed."""
+    return [f"--{name.replace('_', '-')}" for name, x in usual.items() if options.get(name, x) != x]
 
 
 def map_loops(
@@ -126,13 +129,10 @@ def map_loops(
     """``map --loops``: how near to singular a mechanism is, over inputs or poses."""
     from pinsing.loops.map import map_text, mechanism_map
 
-    given = [
-        name for name, usual in _ARM_MAPS.items() if options.get(name, usual) not in (usual, ())
-    ]
-    if given:
-        name = given[0].replace("ranges", "range").replace("_", "-")
+    if given := _given(options, _ARM_MAPS):
+        name = given[0].replace("ranges", "range")
         raise OptionError(
-            f"--{name} does not go with --loops: a mechanism is mapped at random inputs or poses"
+            f"{name} does not go with --loops: a mechanism is mapped at random inputs or poses"
         )
     mechanism = read(loops, options)
     if not ignore_limits:
@@ -160,7 +160,11 @@ def analyze_loops(
     from pinsing.loops import analyze_mechanism
     from pinsing.loops.analysis import analysis_answer, analysis_text
 
-    _refuse_arm_only(options)
+    if given := _given(options, _ARM_ANALYSIS):
+        raise OptionError(
+            f"{given[0]} does not go with --loops: a mechanism has no sweep of joints by level, "
+            "and its lengths and angles are taken as they are written"
+        )
     mechanism = read(loops, options)
     analysis = analyze_mechanism(
         mechanism, ignore_limits=ignore_limits, seconds=options.get("seconds")
@@ -176,16 +180,6 @@ def analyze_loops(
         if not check.passed:
             say(f"WARNING: {check.words}")
     return STOPPED if analysis.missing else int(fail_if_singular and bool(analysis.points))
-
-
-def _refuse_arm_only(options: dict[str, Any]) -> None:
-    """Raise OptionError for an option of an arm's analysis that means nothing for a mechanism."""
-    for name, usual in _ARM_ANALYSIS.items():
-        OptionError.refuse_if(
-            options.get(name, usual) != usual,
-            f"--{name.replace('_', '-')} does not go with --loops: a mechanism has no sweep of "
-            "joints by level, and its lengths and angles are taken as they are written",
-        )
 
 
 def families_loops(
@@ -374,24 +368,12 @@ def _saved(path: Path, mechanism: Mechanism) -> MechanismAnalysis:
     return saved
 
 
-def _of_arms(options: dict[str, Any]) -> list[str]:
-    """The options given that choose a serial chain or its task."""
-    usual = dict.fromkeys(
-        ("tip", "base", "joints", "tool_axis", "zones", "design", "calibration")
-    ) | {"task": "pose"}
-    return [
-        f"--{name.replace('_', '-')}"
-        for name, value in usual.items()
-        if options.get(name, value) != value
-    ]
-
-
 def read(loops: Path, options: dict[str, Any]) -> Mechanism:
     """Return the mechanism that a command's options mean; OptionError for one of arms."""
     from pinsing.robot.load_mechanism import load_mechanism
 
     OptionError.refuse_if(
-        wrong := _of_arms(options),
+        wrong := _given(options, _ARM_CHAIN),
         f"{' and '.join(wrong)} does not go with --loops: the loop file names the output, "
         "its rows and the actuated joints",
     )
@@ -408,7 +390,7 @@ def read(loops: Path, options: dict[str, Any]) -> Mechanism:
 
 def tell_of_limits(mechanism: Mechanism) -> None:
     """Say that home breaks limits where nothing else that is printed would."""
-    from pinsing.loops.modes import home_outside
+    from pinsing.loops.motion import home_outside
 
     if beyond := home_outside(mechanism):
         say(f"note: {beyond}")

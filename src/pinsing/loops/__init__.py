@@ -7,8 +7,16 @@ from pinsing.loops.forms import JointForms, JointLocus, PoseEquation, PoseForms,
 from pinsing.loops.joint_loci import joint_forms
 from pinsing.loops.loop_forms import Locus, LoopForms, loop_forms
 from pinsing.loops.map import MechanismMap, WorstConfiguration, mechanism_map
-from pinsing.loops.modes import home, mode_of
-from pinsing.loops.motion import MechanismState, Pose, input_output, leg_form, mechanism_at, motions
+from pinsing.loops.motion import (
+    MechanismState,
+    Pose,
+    home,
+    input_output,
+    leg_form,
+    mechanism_at,
+    mode_of,
+    motions,
+)
 from pinsing.loops.pose_loci import pose_forms
 from pinsing.loops.singular_points import (
     SingularPoint,

@@ -20,8 +20,17 @@ from pinsing.loops.forms import SHORT, JointForms, PoseForms
 from pinsing.loops.joint_loci import joint_forms
 from pinsing.loops.legs import why_no_rods
 from pinsing.loops.loop_forms import LoopForms, loop_forms, planar_dyad, roots
-from pinsing.loops.modes import home, home_error, home_outside
-from pinsing.loops.motion import Column, MechanismState, mechanism_at, motions, pose_of, pose_table
+from pinsing.loops.motion import (
+    Column,
+    MechanismState,
+    home,
+    home_error,
+    home_outside,
+    mechanism_at,
+    motions,
+    pose_of,
+    pose_table,
+)
 from pinsing.loops.pose_loci import locus_distance, pose_forms
 from pinsing.loops.singular_points import SingularPoint, Trace, find_singular
 from pinsing.loops.solve import (

@@ -62,7 +62,7 @@ if TYPE_CHECKING:
 _AT_REST = "a motion of the joints leaves the output at rest"
 
 
-class _Exact:
+class _ExactTree:
     """The joints of a mechanism over the ``ring`` of all of them.
 
     ``turn`` is a rotation before anything: the normal of a plane becomes z. ``off``: by how much
@@ -212,7 +212,7 @@ def _primitive(force: Row) -> tuple[Row, Poly]:
     return [x / content for x in force], content
 
 
-class LegWrenches(_Exact):
+class LegWrenches(_ExactTree):
     """What legs pass on with their actuators locked: a list of loci, `type2` and `type1`.
 
     ``wrenches``: the number of the leg, from 1; force and moment about the origin of the base (6,),
@@ -487,7 +487,7 @@ Step = tuple[int, int]
 """A joint, and 1 where it is passed outwards, -1 where towards the base."""
 
 
-class ClosureForms(_Exact):
+class ClosureForms(_ExactTree):
     """Rows of Jacobians, seen from a body between the joints."""
 
     def matrices(self) -> tuple[list[Row], list[Row]]:

@@ -28,7 +28,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array, ArrayLike
-from pinsing.loops.modes import home
+from pinsing.loops.motion import home
 from pinsing.loops.structure import (
     PLANE,
     SPACE,

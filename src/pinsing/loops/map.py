@@ -21,8 +21,17 @@ from pinsing.errors import OptionError
 from pinsing.loops.analysis import independent_inputs
 from pinsing.loops.closure import BatchLoops, near_home, newton, random_closed, ranks
 from pinsing.loops.legs import Rods, rods
-from pinsing.loops.modes import closed_from_random, home, mode_of
-from pinsing.loops.motion import Pose, aligned, kinds_of, measure_many, pose_of, pose_table
+from pinsing.loops.motion import (
+    Pose,
+    aligned,
+    closed_from_random,
+    home,
+    kinds_of,
+    measure_many,
+    mode_of,
+    pose_of,
+    pose_table,
+)
 from pinsing.loops.structure import output_pose
 from pinsing.measures import NEAR_RTOL, ROUNDING, SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page

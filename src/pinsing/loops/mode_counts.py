@@ -34,7 +34,7 @@ from pinsing.algebra.ring import Poly, divided_by, fraction, rational
 from pinsing.loops.exact import exact_points
 from pinsing.loops.forms import PoseEquation, pose_equation
 from pinsing.loops.legs import Rod, Rods, carried, inside, rods, sphere_rods
-from pinsing.loops.modes import home
+from pinsing.loops.motion import home
 from pinsing.loops.structure import (
     PLANE,
     Centre,

@@ -55,8 +55,7 @@ from pinsing.loops.forms import (
 from pinsing.loops.legs import Rod, Rods, quarter_circles, rods, sphere_rods, written
 from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.mode_counts import input_loci, length_name, point_legs
-from pinsing.loops.modes import home
-from pinsing.loops.motion import pose_of
+from pinsing.loops.motion import home, pose_of
 from pinsing.loops.structure import PLANE, SPACE, SPHERE, in_room, output_pose, structure
 from pinsing.measures import ROUNDING
 from pinsing.robot.mechanism import Mechanism

@@ -13,8 +13,7 @@ from pinsing._types import Array, ArrayLike, Bool
 from pinsing.errors import OptionError
 from pinsing.loops.closure import BatchLoops, newton
 from pinsing.loops.joint_loci import joint_forms
-from pinsing.loops.modes import home
-from pinsing.loops.motion import COORDINATES, led_pose
+from pinsing.loops.motion import COORDINATES, home, led_pose
 from pinsing.loops.structure import extent, output_pose
 from pinsing.measures import ROUNDING
 from pinsing.robot.mechanism import Mechanism

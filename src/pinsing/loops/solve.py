@@ -20,8 +20,9 @@ from pinsing.loops.closure import BatchLoops, Loops, gauss_newton, ranks
 from pinsing.loops.legs import most_assemblies
 from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.mode_counts import found_words, level_words, noun, number_of_modes
-from pinsing.loops.modes import (
+from pinsing.loops.motion import (
     MANY,
+    Pose,
     assembly_sign,
     closed_from_random,
     home,
@@ -29,8 +30,10 @@ from pinsing.loops.modes import (
     leg_modes,
     mode_at,
     mode_of,
+    motions,
+    pose_of,
+    read_pose,
 )
-from pinsing.loops.motion import Pose, motions, pose_of, read_pose
 from pinsing.loops.singular_points import StoppedError, Trace, refined, trace, turns
 from pinsing.loops.structure import groups, likeness, output_pose, structure
 from pinsing.measures import ALIKE, SEED, SOLVED

@@ -24,8 +24,15 @@ from pinsing.errors import OptionError
 from pinsing.loops.closure import BatchLoops, ranks
 from pinsing.loops.joint_loci import joint_forms
 from pinsing.loops.loop_forms import Dyad, LoopForms, loop_forms, planar_dyad
-from pinsing.loops.modes import assembly_sign, home, mode_at
-from pinsing.loops.motion import COORDINATES, led_pose, mechanism_at, pose_of
+from pinsing.loops.motion import (
+    COORDINATES,
+    assembly_sign,
+    home,
+    led_pose,
+    mechanism_at,
+    mode_at,
+    pose_of,
+)
 from pinsing.loops.pose_loci import pose_forms
 from pinsing.loops.pose_slice import PoseSlice, PoseWay, free_coordinates, pose_slice
 from pinsing.loops.singular_points import SingularPoint, Trace, find_singular

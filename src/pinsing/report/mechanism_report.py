@@ -12,7 +12,7 @@ from pinsing._types import Array
 from pinsing.loops import MechanismAnalysis, MechanismState, analyze_mechanism, mechanism_at
 from pinsing.loops.analysis import Line, joint_lines, pose_lines
 from pinsing.loops.loop_forms import planar_dyad
-from pinsing.loops.modes import home
+from pinsing.loops.motion import home
 from pinsing.loops.pose_slice import COARSE, free_coordinates, pose_slice
 from pinsing.loops.solve import (
     InfeasibleError,

@@ -48,7 +48,21 @@ def without_idle_spins(mechanism: Mechanism, keep_output: bool = True) -> Mechan
     held: list[str] = []
     while (found := _idle(mechanism, keep_output)) is not None:
         held.append(mechanism.joints[found])
-        mechanism = _holding(mechanism, found)
+        # Fixed where it is at home.
+        kept = np.arange(mechanism.n) != found
+        at = mechanism.model_q(np.where(kept, 0.0, mechanism.home))
+        model = pin.buildReducedModel(mechanism.model, [found + 1], at)
+        number = np.cumsum(kept) - 1
+        mechanism = replace(
+            mechanism,
+            model=model,
+            joints=tuple(model.names)[1:],
+            prismatic=mechanism.prismatic[kept],
+            lower=mechanism.lower[kept],
+            upper=mechanism.upper[kept],
+            actuated=tuple(int(number[j]) for j in mechanism.actuated),
+            home=mechanism.home[kept],
+        )
     if not held:
         return mechanism
     spins = "link spins" if len(held) == 1 else "links spin"
@@ -57,24 +71,6 @@ def without_idle_spins(mechanism: Mechanism, keep_output: bool = True) -> Mechan
         f"{', '.join(held)}"
     )
     return replace(mechanism, notes=(*mechanism.notes, note))
-
-
-def _holding(mechanism: Mechanism, joint: int) -> Mechanism:
-    """The mechanism with a joint fixed where it is at home."""
-    kept = np.arange(mechanism.n) != joint
-    at = mechanism.model_q(np.where(kept, 0.0, mechanism.home))
-    model = pin.buildReducedModel(mechanism.model, [joint + 1], at)
-    number = np.cumsum(kept) - 1
-    return replace(
-        mechanism,
-        model=model,
-        joints=tuple(model.names)[1:],
-        prismatic=mechanism.prismatic[kept],
-        lower=mechanism.lower[kept],
-        upper=mechanism.upper[kept],
-        actuated=tuple(int(number[j]) for j in mechanism.actuated),
-        home=mechanism.home[kept],
-    )
 
 
 class _SpanningTree:
@@ -358,7 +354,17 @@ def load_mechanism(
     closed = _loops(keys["closed_loop"], keys["type"], model)
     _check_on_loop(model, frame, closed, keys.get("output", keys["closed_loop"]))
     actuated = _actuated(keys["name_mot"], joints)
-    _check_mimics(follow, [joints[k] for k in actuated])
+    for j in follow:
+        JointError.refuse_if(
+            j not in [joints[k] for k in actuated],
+            j,
+            "mimics another joint, which loops do not support: model it as a loop, or "
+            "drive it (name_mot)",
+        )
+    home = np.zeros(len(joints))
+    if "home" in keys:
+        for j, value in keys["home"].mapping((), joints).items():
+            home[joints.index(j)] = value.number(pi=0)
     made = Mechanism(
         name=keys["name"].text() if "name" in keys else name,
         model=model,
@@ -371,7 +377,7 @@ def load_mechanism(
         output=frame,
         task=rows,
         length_scale=float(length_scale),
-        home=_home(keys.get("home"), joints),
+        home=home,
         notes=(*notes, *said),
         source=source,
         loop_file=path,
@@ -384,7 +390,12 @@ def _output(keys: dict[str, YamlNode], model: pin.Model) -> tuple[str, Task, tup
     """Frame and rows of the output; files made for other programs name none."""
     if "output" in keys:
         output = keys["output"].mapping(("frame", "rows"))
-        return _frame(output["frame"], model), _rows(output["rows"]), ()
+        name = _frame(output["frame"], model)
+        rows = [entry.choice(ROW_NAMES) for entry in output["rows"].items("row")]
+        try:
+            return name, parse_task(rows), ()
+        except PinsingError as error:
+            raise output["rows"].error(str(error)) from None
     name = _frame(keys["closed_loop"].items("loop")[0].items("frame", 2)[0], model)
     note = (
         f"the loop file names no output: taken is {name}, the first frame of the first loop, with "
@@ -449,17 +460,6 @@ def _tree(
         base="universe",
     )
     return model, source, name, notes, follows
-
-
-def _check_mimics(follow: tuple[str, ...], inputs: list[str]) -> None:
-    """Raise unless each joint that mimics another is driven by itself here."""
-    for name in follow:
-        JointError.refuse_if(
-            name not in inputs,
-            name,
-            "mimics another joint, which loops do not support: model it as a loop, or "
-            "drive it (name_mot)",
-        )
 
 
 def _limits(model: pin.Model) -> tuple[Array, Array, Bool]:
@@ -529,19 +529,3 @@ def _actuated(node: YamlNode, joints: tuple[str, ...]) -> tuple[int, ...]:
         len(found) == len(joints), "every joint is actuated: a closed loop needs passive joints"
     )
     return tuple(found)
-
-
-def _rows(node: YamlNode) -> Task:
-    names = [entry.choice(ROW_NAMES) for entry in node.items("row")]
-    try:
-        return parse_task(names)
-    except PinsingError as error:
-        raise node.error(str(error)) from None
-
-
-def _home(node: YamlNode | None, joints: tuple[str, ...]) -> Array:
-    home = np.zeros(len(joints))
-    if node is not None:
-        for name, value in node.mapping((), joints).items():
-            home[joints.index(name)] = value.number(pi=0)
-    return home

@@ -14,8 +14,7 @@ from pinsing.errors import OptionError
 from pinsing.loops.analysis import MechanismAnalysis, analyze_mechanism
 from pinsing.loops.closure import hinged_balls, random_closed, ranks
 from pinsing.loops.loop_forms import Locus
-from pinsing.loops.modes import assembly_rows, elbow_sines, elbows, home
-from pinsing.loops.motion import led_pose, mechanism_at
+from pinsing.loops.motion import assembly_rows, elbow_sines, elbows, home, led_pose, mechanism_at
 from pinsing.loops.singular_points import SingularPoint
 from pinsing.loops.solve import (
     assemblies,
