@@ -37,7 +37,6 @@ from pinsing.loops.solve import (
     MOST_CURVES,
     InfeasibleError,
     Interval,
-    Modes,
     Solution,
     assembly_modes,
     curves,
@@ -103,16 +102,6 @@ class Values:
             return f"{round(math.degrees(value), _DECIMALS) + 0.0:.{digits}g}°"
         return f"{round(value, _DECIMALS) + 0.0:.{digits}g}"
 
-    def interval(self, name: str, found: Interval) -> str:
-        """Both ends, or the whole circle."""
-        if found.whole:
-            return "the whole circle"
-        return unbroken(f"[{self.value(name, found.lower)}, {self.value(name, found.upper)}]")
-
-    def pasted(self, names: Sequence[str], values: Array, room: int) -> str:
-        """As it is typed at the command line."""
-        return typed(values, [n in self.sliding for n in names], self.degrees, room=room)
-
 
 def loop_lines(
     inputs: Sequence[str], forms: LoopForms, values: Values, page: Page
@@ -128,7 +117,8 @@ def loop_lines(
         yield "  ", (f"{locus.kind}: {locus.words}{extra}",)
         yield "    ", (formula(str(locus.equation)),)
         if locus.witness:
-            q = values.pasted(inputs, locus.witness.inputs, page.width - 9)
+            slides = [name in values.sliding for name in inputs]
+            q = typed(locus.witness.inputs, slides, values.degrees, room=page.width - 9)
             yield "    ", (f"e.g. {q}",)
     yield from (("  ", (note,)) for note in forms.notes)
 
@@ -317,7 +307,7 @@ def analysis_text(
     """Return plain text of an analysis; ``joints``: with all joint values, None: if few."""
     joints = len(a.joints) <= _FEW if joints is None else joints
     values = Values(degrees, frozenset(sliding))
-    lines = [*_head(a, values), *_configurations(a, values, joints, page), *_points(a, values)]
+    lines = [*_state(a, values, joints, page), *_points(a, values)]
     lines += [*_forms(a, values, page), ("", ())]
     for check in a.checks:
         lines.append(("", (good("ok") if check.passed else alarm("DISAGREES"), f": {check.words}")))
@@ -325,17 +315,13 @@ def analysis_text(
     return _written(lines, page)
 
 
-def _head(a: MechanismAnalysis, values: Values) -> Iterator[Line]:
+def _state(a: MechanismAnalysis, values: Values, joints: bool, page: Page) -> Iterator[Line]:
+    """What it is, how it is at the configuration, and its modes and ranges there."""
     redundant = a.constraint_rows - a.constraint_rank
     spare = f", {redundant} of {a.constraint_rows} redundant" if redundant else ""
-    yield (
-        "",
-        (
-            f"{a.name}: {len(a.joints)} joints, "
-            f"{a.mobility} degree{'s' * (a.mobility != 1)} of freedom "
-            f"({a.constraint_rank} independent closure equations{spare})",
-        ),
-    )
+    degrees = f"{a.mobility} degree{'s' * (a.mobility != 1)} of freedom"
+    equations = f"({a.constraint_rank} independent closure equations{spare})"
+    yield "", (f"{a.name}: {len(a.joints)} joints, {degrees} {equations}",)
     yield (
         "  ",
         (
@@ -355,11 +341,6 @@ def _head(a: MechanismAnalysis, values: Values) -> Iterator[Line]:
             f"constraint {a.state.constraint_ratio:.4g}",
         ),
     )
-
-
-def _configurations(
-    a: MechanismAnalysis, values: Values, joints: bool, page: Page
-) -> Iterator[Line]:
     yield "  ", (f"direct problem, at these inputs: {a.direct}",)
     yield from _modes(a, a.assemblies, values, joints, page)
     if a.working:
@@ -371,7 +352,12 @@ def _configurations(
             ("the loops close, the other inputs held, at least for (curves from random starts)",),
         )
     for name, found in a.ranges.items():
-        ends = " or ".join(values.interval(name, i) for i in found)
+        ends = " or ".join(
+            "the whole circle"
+            if x.whole
+            else unbroken(f"[{values.value(name, x.lower)}, {values.value(name, x.upper)}]")
+            for x in found
+        )
         yield "    ", (f"{name} in {ends or 'nothing'}",)
 
 
@@ -386,18 +372,18 @@ def _modes(
     """A table: the pose of the output first, then the ``inputs`` that tell modes apart."""
     rows = [s.pose for s in modes if s.pose is not None]
     count = min(len(rows), len(modes) if joints else 16)
-    for line in pose_table(
-        rows[:count],
-        [(str(s.ways), s.mode) for s in modes[:count]],
-        ("ways", "mode"),
-        values.degrees,
-        page.width - 4,
-        [
-            Column(name, [float(s.inputs[k]) for s in modes[:count]], name not in values.sliding)
-            for k, name in enumerate(inputs)
-        ],
-    ):
-        yield "    ", (line,)
+    shown = modes[:count]
+    columns = [
+        Column(name, [float(s.inputs[k]) for s in shown], name not in values.sliding)
+        for k, name in enumerate(inputs)
+    ]
+    more = [(str(s.ways), s.mode) for s in shown]
+    yield from (
+        ("    ", (line,))
+        for line in pose_table(
+            rows[:count], more, ("ways", "mode"), values.degrees, page.width - 4, columns
+        )
+    )
     if count < len(modes):
         yield "    ", (f"{len(modes) - count} more are in the JSON (-o FILE.json)",)
     if joints:
@@ -519,8 +505,18 @@ def analyze_mechanism(
         raise InfeasibleError(mechanism, asked, feasible(mechanism, asked), direct.beyond)
     if inputs is not None:
         q = direct.modes[0].q
-    notes = [*mechanism.notes, *_notes(mechanism, generic)]
-    inverse = stages.run("working modes", lambda: _inverse(mechanism, generic, q), None, True)
+    notes = list(mechanism.notes)
+    if len(mechanism.actuated) > generic.mobility:
+        notes.append(
+            f"redundantly actuated: {len(mechanism.actuated)} actuators for {generic.mobility} "
+            "degrees of freedom; type 2 means that the output moves with all of them held. They "
+            "are moved as far as they are independent, and the others follow"
+        )
+    notes += filter(None, (without_length(mechanism), home_outside(mechanism)))
+    inverse = None
+    if generic.output >= generic.mobility:  # else a pose leaves a freedom open
+        at_home = output_pose(mechanism, q).homogeneous
+        inverse = stages.run("working modes", lambda: working_modes(mechanism, at_home), None, True)
     poses = stages.run(f"{FORMS}pose", lambda: pose_forms(mechanism), None, True)
     forms = stages.run(f"{FORMS}inputs", lambda: loop_forms(mechanism), None, True)
     joints = stages.run(
@@ -590,23 +586,6 @@ def _along(
     found = curves(moved, inputs, moving, over=lambda: stages.over)
     points = find_singular(mechanism, _measured(mechanism, moved, found), over=lambda: stages.over)
     return found, intervals(moved, found, moving), points
-
-
-def _inverse(mechanism: Mechanism, generic: Ranks, q: Array) -> Modes | None:
-    """Working modes at the pose of q; None where a pose leaves a freedom open."""
-    told = generic.output >= generic.mobility
-    return working_modes(mechanism, output_pose(mechanism, q).homogeneous) if told else None
-
-
-def _notes(mechanism: Mechanism, generic: Ranks) -> list[str]:
-    count = len(mechanism.actuated)
-    spare = (
-        f"redundantly actuated: {count} actuators for {generic.mobility} degrees of freedom; "
-        "type 2 means that the output moves with all of them held. They are moved as far as "
-        "they are independent, and the others follow"
-    )
-    said = (without_length(mechanism), home_outside(mechanism))
-    return [*[spare] * (count > generic.mobility), *filter(None, said)]
 
 
 def independent_inputs(mechanism: Mechanism, generic: Ranks, q: Array) -> Mechanism:

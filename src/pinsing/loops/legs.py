@@ -105,7 +105,13 @@ class Rod:
         NotThisKind.refuse_if(not self.moved)
         along, size, known = float(e @ first), float(first @ first), float(e @ e) - length**2
         if self.kind == "crank":
-            return angles_of(along, float(e @ second), (known + size) / 2)
+            # Both angles with a cos + b sin = c.
+            b, c = float(e @ second), (known + size) / 2
+            most = float(np.hypot(along, b))
+            NotThisKind.refuse_if(abs(most - abs(c)) <= ROUNDING)
+            middle = float(np.arctan2(b, along))
+            spread = float(np.arccos(np.clip(c / most, -1, 1)))
+            return () if most < abs(c) else (middle + spread, middle - spread)
         # |e - q first| = length.
         middle = along / size
         left = middle**2 - known / size
@@ -186,16 +192,6 @@ class Rods:
 def written(axis: Array) -> str:
     """A vector for people."""
     return f"({', '.join(f'{round(float(v), 12) + 0.0:.6g}' for v in axis)})"
-
-
-def angles_of(a: float, b: float, known: float) -> tuple[float, ...]:
-    """Both angles with a cos + b sin = known, or none; NotThisKind where they meet."""
-    size = float(np.hypot(a, b))
-    NotThisKind.refuse_if(abs(size - abs(known)) <= ROUNDING)
-    if size < abs(known):
-        return ()
-    middle, spread = float(np.arctan2(b, a)), float(np.arccos(known / size))
-    return middle + spread, middle - spread
 
 
 def inside(mechanism: Mechanism, joint: int, values: Iterable[float]) -> int:
@@ -321,7 +317,16 @@ class _Recognizer:
         path = path_to(mechanism, output)
         last = next((c for c in self.built.centres if output - 1 in c.joints), None)
         if last is None:
-            raise NotThisKind(self.tree_reason(path))
+            end = mechanism.joints[path[-1]]
+            how = "does not end in a pin or a ball at"
+            if path[-1] in mechanism.actuated:
+                how = "is driven at its joint with"
+            elif mechanism.prismatic[path[-1]]:
+                how = "ends in a slide at"
+            raise NotThisKind(
+                f"the leg of {', '.join(mechanism.joints[j] for j in path)} {how} the output "
+                f"({end}), which is not supported over the pose"
+            )
         at = self.points(last)
         return [_Way(path[: -len(last.joints)], at, at, last.joints), *out]
 
@@ -409,7 +414,11 @@ class _Recognizer:
         axis = sample.axis[first]
         foot, B = np.array(sample.joints[first + 1].translation), way.end
         if len(path) == 3:
-            met = self.universal(path)
+            # Where along the first axis the second one meets it, all crossed at right angles.
+            at = [(*s.axis[path], s.origins[path[1]] - s.origins[first]) for s in self.samples]
+            off = [x for a, b, c, gap in at for x in (a @ b, b @ c, gap @ np.cross(a, b))]
+            NotThisKind.refuse_if(np.abs(off).max() > ROUNDING)
+            met = float(at[0][3] @ axis)
         else:
             # Straight across from the end.
             off = (B - foot) @ axis
@@ -428,13 +437,6 @@ class _Recognizer:
             for k, (side, joint) in enumerate(driven)
         ]  # fmt: skip
 
-    def universal(self, path: list[int]) -> float:
-        """Where along the first axis the second one meets it, all crossed at right angles."""
-        at = [(*s.axis[path], s.origins[path[1]] - s.origins[path[0]]) for s in self.samples]
-        off = max(abs(x) for a, b, c, gap in at for x in (a @ b, b @ c, gap @ np.cross(a, b)))
-        NotThisKind.refuse_if(off > ROUNDING)
-        return float(at[0][3] @ at[0][0])
-
     def reason(self, way: _Way) -> str:
         """Of a leg that is of another kind than those with a wrench over the pose."""
         mechanism = self.mechanism
@@ -450,7 +452,14 @@ class _Recognizer:
             return f"{name}, written from the output and driven at {told}, {where}"
         loose = [mechanism.joints[j] for j in way.path[:1] if j in slides and j not in driven]
         what = f", driven at {told},"
-        if self.askew(way, slides):
+        turning = [j for j in way.path if not mechanism.prismatic[j]]
+        askew = len(slides) == 1 and bool(turning) and way.path[-1] == slides[0]
+        if askew:
+            # A slide after turning joints that is not along the line through the leg's ends.
+            centre = next((c for c in self.built.centres if c.joints[0] == turning[0]), None)
+            feet = self.points(centre or Centre((turning[0],), np.zeros(3)))
+            askew = self.beside(slides[0], way.end - feet)
+        if askew:
             beside = mechanism.joints[slides[0]]
             what = f" slides ({beside}) beside the line from its foot to its end, which"
         elif loose:
@@ -459,41 +468,40 @@ class _Recognizer:
             what = f" has {len(driven)} actuated joints ({told}), which"
         return f"{name}{what} {where}"
 
-    def askew(self, way: _Way, slides: Sequence[int]) -> bool:
-        """Whether a slide after turning joints is not along the line through the leg's ends."""
-        turning = [j for j in way.path if not self.mechanism.prismatic[j]]
-        if len(slides) != 1 or not turning or way.path[-1] != slides[0]:
-            return False
-        centre = next((c for c in self.built.centres if c.joints[0] == turning[0]), None)
-        feet = self.points(centre or Centre((turning[0],), np.zeros(3)))
-        return self.beside(slides[0], way.end - feet)
-
     def beside(self, joint: int, reach: Array) -> bool:
         """Whether a joint's axis has another direction than reach (N, 3)."""
         along = np.array([s.axis[joint] for s in self.samples])
         return bool(np.abs(np.cross(reach * self.flat, along)).max() > ROUNDING)
 
-    def tree_reason(self, path: Sequence[int]) -> str:
-        """Of the leg that carries the output in the tree, where it ends in no pin or ball."""
-        mechanism, last = self.mechanism, path[-1]
-        how = (
-            "ends in a slide at"
-            if mechanism.prismatic[last]
-            else "does not end in a pin or a ball at"
-        )
-        how = "is driven at its joint with" if last in mechanism.actuated else how
-        names = ", ".join(mechanism.joints[j] for j in path)
-        end = f"the output ({mechanism.joints[last]})"
-        return f"the leg of {names} {how} {end}, which is not supported over the pose"
-
 
 @kept
 def sphere_rods(mechanism: Mechanism) -> Rods | None:
     """Return the rods of a spherical mechanism of three legs of three joints; None for another."""
+    # From middle axes, which the actuated ones carry as cranks, to outer axes.
     with suppress(NotThisKind):
-        turning = set(mechanism.task.rows) == {3, 4, 5}
-        NotThisKind.refuse_if(room_of(mechanism)[0] != SPHERE or not turning)
-        return Rods(mechanism, tuple(_legs(mechanism)), SPHERE, np.eye(3), np.eye(3))
+        kind, _, centre = room_of(mechanism)
+        NotThisKind.refuse_if(kind != SPHERE or set(mechanism.task.rows) != {3, 4, 5})
+        built, zero = structure(mechanism), at_zero(mechanism)
+        turn = np.array(zero.frames[mechanism.output_id].rotation)
+        whole, last = path_to(mechanism, built.output), zero.axis[built.output - 1]
+        # Of each way: its joints, and the outer axis by the output.
+        ways = [(whole[:-1], last)]
+        for loop, inner, outer, joints, outside in loop_ends(mechanism):
+            radii = [np.array(zero.frames[k].translation) - centre for k in (inner, outer)]
+            sizes = [float(np.linalg.norm(r)) for r in radii]
+            away = loop.kind == "6d" or outside[-1:] != [built.output - 1]
+            NotThisKind.refuse_if(away or min(sizes) <= ROUNDING)
+            ways.append((joints, radii[1] / sizes[1]))
+        out = []
+        for joints, after in ways:
+            NotThisKind.refuse_if([j in mechanism.actuated for j in joints] != [True, False])
+            u, v = zero.axis[joints]
+            rest = float(u @ v) * u
+            turned = {"first": v - rest, "second": np.cross(u, v), "across": u}
+            out.append(Rod("crank", joints[0], turn.T @ after, rest, **turned))
+        driven = {leg.joint for leg in out} == set(mechanism.actuated)
+        NotThisKind.refuse_if(len(out) != 3 or not driven)
+        return Rods(mechanism, tuple(out), SPHERE, np.eye(3), np.eye(3))
     return None
 
 
@@ -501,29 +509,3 @@ def quarter_circles(found: Rods) -> bool:
     """Whether both links of each leg of a spherical mechanism are quarter circles."""
     off = (max(float(np.abs(r.inner).max()), abs(found.length(r) ** 2 - 2)) for r in found.rods)
     return max(off) <= ROUNDING
-
-
-def _legs(mechanism: Mechanism) -> list[Rod]:
-    """Rods from middle axes, which the actuated ones carry as cranks, to outer axes."""
-    built, zero = structure(mechanism), at_zero(mechanism)
-    centre = room_of(mechanism)[2]
-    turn = np.array(zero.frames[mechanism.output_id].rotation)
-    whole, last = path_to(mechanism, built.output), zero.axis[built.output - 1]
-    # Of each way: its joints, and the outer axis by the output.
-    ways = [(whole[:-1], last)]
-    for loop, inner, outer, joints, outside in loop_ends(mechanism):
-        radii = [np.array(zero.frames[k].translation) - centre for k in (inner, outer)]
-        sizes = [float(np.linalg.norm(r)) for r in radii]
-        away = loop.kind == "6d" or outside[-1:] != [built.output - 1]
-        NotThisKind.refuse_if(away or min(sizes) <= ROUNDING)
-        ways.append((joints, radii[1] / sizes[1]))
-    out = []
-    for joints, after in ways:
-        NotThisKind.refuse_if([j in mechanism.actuated for j in joints] != [True, False])
-        u, v = zero.axis[joints]
-        rest = float(u @ v) * u
-        turned = {"first": v - rest, "second": np.cross(u, v), "across": u}
-        out.append(Rod("crank", joints[0], turn.T @ after, rest, **turned))
-    driven = {leg.joint for leg in out} == set(mechanism.actuated)
-    NotThisKind.refuse_if(len(out) != 3 or not driven)
-    return out

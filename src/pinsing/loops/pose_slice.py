@@ -108,19 +108,6 @@ class PoseWay:
         low, high = float(side[places[0]]) - 1.5 * step, float(side[places[-1]]) + 1.5 * step
         return np.linspace(low, high, samples)
 
-    def widened(self, sides: list[Array], there: Bool) -> tuple[list[Array], bool]:
-        """Sides that go on where what is ``there`` (ny, nx) meets the border; or the same."""
-        out, more = [], False
-        for k, side in enumerate(sides):
-            ends = np.asarray(np.take(there, (0, -1), axis=1 - k).any(axis=k))
-            low, high = float(side[0]), float(side[-1])
-            if self.rows[k] < 3 and ends.any():
-                more = True
-                size = 0.15 * (high - low)
-                side = np.linspace(low - size * ends[0], high + size * ends[1], len(side))
-            out.append(side)
-        return out, more
-
     def targets(self, first: Array, second: Array) -> tuple[Array, Array]:
         """Rotations (N, 3, 3) and positions (N, 3) where the coordinates have these values."""
         count = len(first)
@@ -197,8 +184,14 @@ def pose_slice(
         grid.follow(coarse)
         grid.flood(12)
         inside, margin = grid.judged()
-        # What is thinner than a cell of the coarse grid may go on.
-        fine, more = way.widened(fine, np.asarray(inside.any(axis=0)))
+        # What is thinner than a cell of the coarse grid may go on where it meets the border.
+        reached, more = np.asarray(inside.any(axis=0)), False
+        for k, line in enumerate(fine):
+            ends = np.asarray(np.take(reached, (0, -1), axis=1 - k).any(axis=k))
+            if way.rows[k] < 3 and ends.any():
+                low, high, more = float(line[0]), float(line[-1]), True
+                room = 0.15 * (high - low) * ends
+                fine[k] = np.linspace(low - room[0], high + room[1], len(line))
         if not more:
             break
     names = (COORDINATES[way.rows[0]], COORDINATES[way.rows[1]])

@@ -192,53 +192,34 @@ def _legs(mechanism: Mechanism, output: int) -> tuple[Leg, ...]:
 
 
 def _centres(mechanism: Mechanism, output: int) -> list[Centre]:
+    """Passive turning joints by the points that their axes share."""
+    model, busy = mechanism.model, {b for pair in bodies(mechanism) for b in pair} | {output}
+    zero = at_zero(mechanism)  # neighbours meet at all configurations or at none
     left, out = {j for j in mechanism.passive if not mechanism.prismatic[j]}, []
+
+    def run(first: int) -> tuple[Centre, int]:
+        """Joints from ``first`` on whose axes share a point, and how many sit in it."""
+        chain, point = [first], zero.origins[first]
+        while chain[-1] + 1 not in busy:
+            after = [int(j) - 1 for j in model.children[chain[-1] + 1]]
+            longer = [*chain, *after]
+            if len(after) != 1 or after[0] not in left:
+                break
+            met = meeting_point(zero.axis[longer], zero.origins[longer])
+            if met is None:
+                break
+            chain, point = longer, met
+        away = np.linalg.norm(zero.origins[chain] - point, axis=1)
+        start = np.array(zero.joints[first + 1].actInv(point))
+        return Centre(tuple(chain), start), int((away <= ROUNDING).sum())
+
     while left:
         # An axis may pass through two centres: joints that sit in the point go first.
-        runs = [_run(mechanism, output, j, left) for j in sorted(left)]
-        best = max(runs, key=lambda run: (run[1], len(run[0].joints), -run[0].joints[0]))[0]
+        runs = map(run, sorted(left))
+        best = max(runs, key=lambda x: (x[1], len(x[0].joints), -x[0].joints[0]))[0]
         out.append(best)
         left -= set(best.joints)
     return sorted(out, key=lambda c: c.joints)
-
-
-def _run(mechanism: Mechanism, output: int, first: int, left: set[int]) -> tuple[Centre, int]:
-    """Joints from ``first`` on whose axes share a point, and how many sit in it."""
-    model, axes = mechanism.model, joint_axes(mechanism)
-    busy = {b for pair in bodies(mechanism) for b in pair}
-    chain, point, start, sitting = [first], np.zeros(3), np.zeros(3), 1
-    while (here := chain[-1]) + 1 != output and here + 1 not in busy:
-        after = [int(j) - 1 for j in model.children[here + 1]]
-        if len(after) != 1 or after[0] not in left:
-            break
-        free = len(chain) == 1  # along the first axis, until a second one crosses it
-        met = _meeting(model.jointPlacements[after[0] + 1], axes[here], axes[after[0]], point, free)
-        if met is None:
-            break
-        if free:
-            start, sitting = met[0], int(np.linalg.norm(met[0]) <= ROUNDING)
-        point = met[1]
-        sitting += int(np.linalg.norm(point) <= ROUNDING)
-        chain.append(after[0])
-    return Centre(tuple(chain), start), sitting
-
-
-def _meeting(
-    place: object, axis: Array, following: Array, point: Array, free: bool
-) -> tuple[Array, Array] | None:
-    """Return where two axes meet, in the frames of the first and of the second joint."""
-    # With ``free`` false the point is given, on the first axis.
-    R, t = np.array(place.rotation), np.array(place.translation)  # type: ignore[attr-defined]
-    direction = R @ following
-    normal = np.cross(axis, direction)
-    size = float(np.linalg.norm(normal))
-    if free:
-        if size <= ROUNDING or abs(t @ normal) > ROUNDING * size:
-            return None
-        # t + s d = r a: the common point is r a.
-        point = (float(np.cross(t, direction) @ normal) / size**2) * axis
-    inside = R.T @ (point - t)
-    return None if np.linalg.norm(np.cross(inside, following)) > ROUNDING else (point, inside)
 
 
 def likeness(mechanism: Mechanism, q: Array, joints: Sequence[int] | None = None) -> Array:

@@ -358,7 +358,13 @@ def motion_curve(
     OptionError.refuse_if(
         freedoms != 1, f"{mechanism.name} has {freedoms} degrees of freedom: its poses are no curve"
     )
-    names = _names(mechanism, over)
+    known = _coordinates(mechanism)
+    names = ["yaw" if n in ("phi", "φ") else n for n in over or ()]
+    OptionError.refuse_if(
+        over and (len(names) != 2 or names[0] == names[1] or not set(names) <= set(known)),
+        f"a curve of poses goes over two of {', '.join(known)}; got {', '.join(over or ())}",
+    )
+    names = names or [mechanism.inputs[0], COORDINATES[led_pose(mechanism)["rows"][0]]]
     found = curves(mechanism, home(mechanism)[list(mechanism.actuated)], 0)
     points = find_singular(mechanism, found)
     turn = np.array(
@@ -368,8 +374,7 @@ def motion_curve(
     for k, name in enumerate(names):
         OptionError.refuse_if(
             max((float(np.ptp(v[:, k])) for _, v in told), default=0.0) <= ROUNDING,
-            f"{mechanism.name}: {name} does not move; take two of "
-            f"{', '.join(_coordinates(mechanism))}",
+            f"{mechanism.name}: {name} does not move; take two of {', '.join(known)}",
         )
     # Angles are shown about the middle of a curve, if it is less than a whole turn.
     low, high = told[0][1].min(axis=0), told[0][1].max(axis=0)
@@ -393,24 +398,13 @@ def motion_curve(
         ax.plot(*place, "o", color=color, ms=6, zorder=4, ls="", label=label or None)
         shown.add(point.kind)
     for axis, name in zip((ax.xaxis, ax.yaxis), names, strict=True):
-        axis.set_label_text(f"{name} [{_unit(mechanism, name, degrees)}]")
+        turned = "°" if degrees else "rad"
+        axis.set_label_text(f"{name} [{turned if _turns(mechanism, name) else 'm'}]")
     if all(name in COORDINATES[:3] for name in names):
         ax.set_aspect("equal", adjustable="datalim")
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2, fontsize=8)
     ax.set_title(f"{mechanism.name}: every pose of the output", fontsize=10)
     return ax
-
-
-def _names(mechanism: Mechanism, over: Sequence[str] | None) -> tuple[str, str]:
-    if over is None:
-        return mechanism.inputs[0], COORDINATES[led_pose(mechanism)["rows"][0]]
-    names = ["yaw" if n in ("phi", "φ") else n for n in over]
-    known = _coordinates(mechanism)
-    OptionError.refuse_if(
-        len(names) != 2 or names[0] == names[1] or not set(names) <= set(known),
-        f"a curve of poses goes over two of {', '.join(known)}; got {', '.join(over)}",
-    )
-    return names[0], names[1]
 
 
 def _values(mechanism: Mechanism, q: Array, names: Sequence[str], degrees: bool) -> Array:
@@ -430,10 +424,6 @@ def _coordinates(mechanism: Mechanism) -> tuple[str, ...]:
 def _turns(mechanism: Mechanism, name: str) -> bool:
     slides = dict(zip(mechanism.joints, mechanism.prismatic.tolist(), strict=True))
     return not slides[name] if name in mechanism.inputs else name in COORDINATES[3:]
-
-
-def _unit(mechanism: Mechanism, name: str, degrees: bool) -> str:
-    return ("°" if degrees else "rad") if _turns(mechanism, name) else "m"
 
 
 def _folded(values: Array, turn: Array, centre: Array) -> Array:
@@ -558,16 +548,14 @@ def _words(mechanism: Mechanism, mode: Solution, names: Sequence[str], degrees: 
     """Values of the inputs or coordinates of these names."""
     pose = pose_of(output_pose(mechanism, mode.q))
     values = (*mode.inputs.tolist(), *pose.position, *pose.angles)
-    at = dict(zip(_coordinates(mechanism), values, strict=True))
-    return ", ".join(
-        unbroken(f"{name} {_number(float(at[name]), _turns(mechanism, name), degrees)}")
-        for name in names
-    )
-
-
-def _number(value: float, turns: bool, degrees: bool) -> str:
-    plain = f"{round(value, 2) + 0.0:.2f}" + " rad" * turns
-    return f"{round(float(np.degrees(value))) + 0:d}°" if turns and degrees else plain
+    at, said = dict(zip(_coordinates(mechanism), values, strict=True)), []
+    for name in names:
+        turns = _turns(mechanism, name)
+        value = f"{round(float(at[name]), 2) + 0.0:.2f}" + " rad" * turns
+        if turns and degrees:
+            value = f"{round(float(np.degrees(at[name]))) + 0:d}°"
+        said.append(unbroken(f"{name} {value}"))
+    return ", ".join(said)
 
 
 def _wrapped(words: str, columns: int) -> str:
@@ -662,7 +650,17 @@ def pose_maps(
     aspects are of the assembly mode of home, warm ones of the other. Lines are the loci, from their
     exact equations. ``start`` (n,), closed, takes the place of home.
     """
-    names = _slice_names(mechanism, over)
+    OptionError.refuse_if(
+        ranks(mechanism).mobility < 2,
+        f"{mechanism.name} has one degree of freedom: its poses are a curve, which plot map "
+        "--loops shows without --over",
+    )
+    OptionError.refuse_if(
+        not joint_forms(mechanism).complete,
+        f"{mechanism.name}: a map over the pose needs equations in the joint angles, and there "
+        f"are none: {'; '.join(joint_forms(mechanism).notes)}",
+    )
+    names = tuple(over) if over is not None else free_coordinates(mechanism)[:2]
     modes = _modes(mechanism, names, start)
     shown = modes[:8]
     count = round(_SAMPLES / len(shown) ** (1 / 3)) | 1  # odd: home is one of the points
@@ -718,8 +716,12 @@ def panels(mechanism: Mechanism, found: PoseSlice, titles: Sequence[str]) -> lis
             # Hinges that a file has in place of a ball are left out: the ball is not dependent.
             loci = enumerate(forms.loci)
             lefts = [(locus.kind, values[..., i]) for i, locus in loci if not locus.ball]
-        lost = [kind != "passive" and _vanishes(v) for kind, v in lefts]
-        # What is left of those is rounding.
+        # Left sides, whose factors have unit length, of loci that are zero all over the slice: what
+        # is left of them is rounding.
+        lost = [
+            kind != "passive" and reached.any() and float(np.nanmax(np.abs(v))) <= 1e-10
+            for kind, v in lefts
+        ]
         lefts = [x for x, zero in zip(lefts, lost, strict=True) if not zero]
         parting = [np.nan_to_num(v) for kind, v in lefts if kind != "passive"]
         numbers, signs = regions(found.inside[k], parting, turns)
@@ -731,20 +733,6 @@ def panels(mechanism: Mechanism, found: PoseSlice, titles: Sequence[str]) -> lis
             Panel(title, numbers, positive, tuple(lefts), reached, found.margin[k], any(lost))
         )
     return out
-
-
-def _slice_names(mechanism: Mechanism, over: Sequence[str] | None) -> tuple[str, ...]:
-    OptionError.refuse_if(
-        ranks(mechanism).mobility < 2,
-        f"{mechanism.name} has one degree of freedom: its poses are a curve, which plot map "
-        "--loops shows without --over",
-    )
-    OptionError.refuse_if(
-        not joint_forms(mechanism).complete,
-        f"{mechanism.name}: a map over the pose needs equations in the joint angles, and there "
-        f"are none: {'; '.join(joint_forms(mechanism).notes)}",
-    )
-    return tuple(over) if over is not None else free_coordinates(mechanism)[:2]
 
 
 def _modes(
@@ -771,23 +759,13 @@ def _modes(
         if not same(mark, likeness(mechanism, x))
         and np.abs(cloud - joint_points(mechanism, x)).max() > ALIKE
     ]
-    names = [_title(mechanism, x) for x in (q, *others)]
+    signs = ["".join(mode_at(mechanism, x).elbows) for x in (q, *others)]
+    names = [f"elbows {x}" if x else "working mode" for x in signs]
     at_home = same(mark, likeness(mechanism, home(mechanism)))
     numbers = [f" {names[: k + 1].count(x)}" * (names.count(x) > 1) for k, x in enumerate(names)]
     ends = [" (home)" * at_home, *[""] * len(others)]
     titles = ["".join(parts) for parts in zip(names, numbers, ends, strict=True)]
     return list(zip(titles, (q, *others), strict=True))
-
-
-def _title(mechanism: Mechanism, q: Array) -> str:
-    elbows = "".join(mode_at(mechanism, q).elbows)
-    return f"elbows {elbows}" if elbows else "working mode"
-
-
-def _vanishes(left: Array) -> bool:
-    there = np.abs(left[np.isfinite(left)])
-    # Left sides, whose factors have unit length, of a locus that is zero all over a slice.
-    return bool(len(there)) and float(there.max()) <= 1e-10
 
 
 def _everywhere(mechanism: Mechanism) -> bool:

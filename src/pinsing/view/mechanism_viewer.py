@@ -13,7 +13,6 @@ from pinsing._types import Array, ArrayLike
 from pinsing.errors import OptionError
 from pinsing.loops.analysis import MechanismAnalysis, analyze_mechanism
 from pinsing.loops.closure import hinged_balls, random_closed, ranks
-from pinsing.loops.loop_forms import Locus
 from pinsing.loops.motion import assembly_rows, elbow_sines, elbows, home, led_pose, mechanism_at
 from pinsing.loops.singular_points import SingularPoint
 from pinsing.loops.solve import (
@@ -65,11 +64,7 @@ def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> 
         "output": m.output,
         "chain": chain_data(model, m.output_id),
         "loops": [
-            {
-                "kind": loop.kind,
-                "a": frame_data(model, a),
-                "b": frame_data(model, b),
-            }
+            {"kind": loop.kind, "a": frame_data(model, a), "b": frame_data(model, b)}
             for loop, a, b in zip(m.loops, *closing(m), strict=True)
         ],
         "task": {"rows": list(m.task.rows), "lengthScale": m.length_scale},
@@ -118,20 +113,17 @@ def linkage_sizes(mechanism: Mechanism, scale: float = 1.0) -> Sizes:
             if state.velocity is not None and part.any():
                 fast[turns].append(float(np.linalg.norm(state.velocity[part], 2)))
     reach = extent(mechanism, samples[0])
-    fastest, turning = (_usual(fast[k]) for k in (False, True))
+    usual = []
+    for speeds in (fast[False], fast[True]):
+        # The median; home's, the first of them, is to be seen well: at most twice that.
+        middle = float(np.median(speeds)) if speeds else 1.0
+        seen = 2 * speeds[0] if speeds and speeds[0] > 0 else middle
+        usual.append(max(min(middle, seen), 1e-9))
     return Sizes(
         reach=reach,
-        translation=scale * 0.2 * reach / max(fastest, 1e-9),
-        rotation=scale * 0.2 * reach / max(turning, 1e-9),
+        translation=scale * 0.2 * reach / usual[0],
+        rotation=scale * 0.2 * reach / usual[1],
     )
-
-
-def _usual(speeds: list[float]) -> float:
-    """The median of speeds, the first of which, home's, is to be seen well: at most twice it."""
-    if not speeds:
-        return 1.0
-    middle = float(np.median(speeds))
-    return min(middle, 2 * speeds[0]) if speeds[0] > 0 else middle
 
 
 def side(normal: Array | None) -> tuple[float, ...]:
@@ -191,7 +183,12 @@ def groups(mechanism: Mechanism, analysis: MechanismAnalysis) -> tuple[Group, ..
     )
     found: list[tuple[str, tuple[str, ...], list[SingularPoint]]] = []
     for locus in () if analysis.forms is None else analysis.forms.loci:
-        mine = [p for p in points if _on(locus, p)]
+        mine = [
+            p
+            for p in points
+            if p.kind in (locus.kind, "type 3")
+            and abs(float(locus.equation(p.inputs))) <= 1e-7 * locus.equation.size
+        ]
         if not mine and locus.witness is not None:
             mine = [locus.witness]
         points = [p for p in points if not any(p is x for x in mine)]
@@ -252,12 +249,6 @@ def input_text(mechanism: Mechanism, k: int, value: float) -> str:
     if mechanism.prismatic[mechanism.actuated[k]]:
         return f"{1000 * value:.1f} mm"
     return f"{np.degrees(value) + 0.0:.1f}°"
-
-
-def _on(locus: Locus, point: SingularPoint) -> bool:
-    if point.kind not in (locus.kind, "type 3"):
-        return False
-    return abs(float(locus.equation(point.inputs))) <= 1e-7 * locus.equation.size
 
 
 def _words(mechanism: Mechanism, point: SingularPoint) -> str:
