@@ -52,5 +52,5 @@ def test_a_set_up_installs_once_and_again_where_the_sources_are_not_used(tmp_pat
     assert calls(clone) == ["."]
     assert calls(clone, "dev") == [".[dev]"]  # more than is there
     assert calls(clone) == calls(clone, "dev") == []  # or no more
-    (clone / "src/pinsing/_batch/kernel.inc").write_text("// other\n")
+    (clone / "src/pinsing/_batch/kernel.cpp").write_text("// other\n")
     assert calls(clone, "test") == [".[test]"]

@@ -31,17 +31,16 @@ FLAGS = (
 )
 # As in CMakeLists.txt; every one of them compiles the same source for other widths.
 ISA = {
+    "baseline": (),
     "avx2": ("-mavx2", "-mfma"),
     "avx512": ("-mavx2", "-mfma", "-mavx512f", "-mavx512dq", "-mavx512vl", "-mavx512bw"),
 }
 TESTS = (
-    *("tests/test_batch.py", "tests/test_batch_svd.py", "tests/algebra/test_zeros.py"),
-    "tests/kinematics/test_refine.py",  # the walks
+    *("tests/test_batch.py", "tests/test_batch_svd.py", "tests/test_batch_roots.py"),
     *(
-        "tests/algebra/test_field_points.py",
-        "tests/kinematics/test_second_orders.py",
-        "tests/test_batch_roots.py",
-    ),
+        "tests/kinematics/test_refine.py",
+        "tests/algebra/test_zeros.py",
+    ),  # the walks are of the first
 )
 _CLEARANCE = "tests/proximity/test_clearance.py::test_the_compiled_bounds_are_those_of_numpy"
 
@@ -111,20 +110,18 @@ def build(folder: Path, isas: list[str], jobs: int) -> Path:
     common = [
         *FLAGS,
         *(f"-I{p}" for p in includes),
-        *(f"-DPINSING_HAVE_{i.upper()}=1" for i in ("baseline", *isas)),
+        *(f"-DPINSING_HAVE_{i.upper()}=1" for i in isas),
     ]
     batch = ROOT / "src/pinsing/_batch"
     common.append(f'-DPINSING_SOURCES="{_fingerprint(batch)}"')
-    sources = [
-        (path, ISA.get(path.stem.removeprefix("kernel_"), ()))
-        for path in sorted(batch.glob("*.cpp"))
-        if path.stem.removeprefix("kernel_") not in set(ISA) - set(isas)
-    ]
-    sources.append((source / "nb_combined.cpp", ()))
+    kernel = batch / "kernel.cpp"
+    sources = [(kernel, isa, (*ISA[isa], f"-DPINSING_ISA={isa}")) for isa in isas]
+    others = {*batch.glob("*.cpp"), source / "nb_combined.cpp"} - {kernel}
+    sources += [(path, "", ()) for path in sorted(others)]
 
-    def compile_one(item: tuple[Path, tuple[str, ...]]) -> str:
-        path, more = item
-        out = folder / f"{path.stem}.o"
+    def compile_one(item: tuple[Path, str, tuple[str, ...]]) -> str:
+        path, isa, more = item
+        out = folder / f"{path.stem}{isa}.o"
         subprocess.run([_compiler(), *common, *more, "-c", str(path), "-o", str(out)], check=True)
         return str(out)
 
@@ -147,7 +144,7 @@ def main() -> int:
         print(f"not run: {reason}")
         return SKIPPED
     x86 = platform.machine() in ("x86_64", "amd64")
-    isas = options.isa or (["avx2"] if x86 else [])
+    isas = list(dict.fromkeys(["baseline", *(options.isa or (["avx2"] if x86 else []))]))
     with tempfile.TemporaryDirectory(prefix="pinsing-sanitize-") as name:
         folder = Path(name)
         module = build(folder, isas, options.jobs)

@@ -2,14 +2,12 @@
 
 import numpy as np
 import pytest
-from kernel import needs_kernel
 from scipy.interpolate import CubicSpline, PPoly
 from singular_sets import closed
 from tiers import tiered
 
 import pinsing
 from pinsing._types import Array
-from pinsing.algebra.conditions import Conditions, zeros_along
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm, Family
 from pinsing.proximity.crossings import crossings
@@ -127,25 +125,6 @@ def test_families_of_several_conditions() -> None:
     value = family.branches[0].values[0].joint
     way[4, value] += 1e-3
     assert len(crossings(form, way)) == 0
-
-
-@needs_kernel
-@pytest.mark.parametrize("name", ["ur5", "stanford"])
-def test_the_compiled_zeros_are_those_of_numpy(name: str) -> None:
-    form = closed(name)
-    surfaces = [[b] for f in form.families for b in f.branches if b.equations]
-    if not surfaces:  # a made-up one
-        surfaces = [[b] for b in closed("puma560").families[2].branches]
-    conditions = Conditions.of(surfaces, np.zeros(6, dtype=bool), np.ones(6))
-    pieces = np.random.default_rng(6).normal(size=(60, 4, 6))
-    a = zeros_along(conditions, pieces)
-    b = zeros_along(conditions, pieces, compiled=False)
-    np.testing.assert_array_equal(a.piece, b.piece)
-    np.testing.assert_array_equal(np.sort(a.kind), np.sort(b.kind))
-    for piece in set(a.piece):
-        one, two = np.sort(a.s[a.piece == piece]), np.sort(b.s[b.piece == piece])
-        np.testing.assert_allclose(one, two, atol=1e-12)
-    np.testing.assert_allclose(a.ends, b.ends, atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -101,19 +101,19 @@ def test_the_kernel_puts_the_same_bits(start: int, length: int, n: int, seed: in
 
 @pytest.mark.skipif(not kernel.available(), reason="the compiled kernel is not installed")
 def test_the_kernel_refuses_what_is_not_there() -> None:
-    k, last = 3, 1 << map_plan.BITS
-    v, words = map_plan.directions(k), np.zeros(k, dtype=np.uint64)
-    columns, ones = np.arange(k), np.ones(k)
+    k = 3
+    words, columns, ones = np.zeros((2, k), dtype=np.uint64), np.arange(k), np.ones(k)
     out = np.empty((2, k))
-    kernel.put_sobol(out, v, words, last - 2, columns, ones, ones)  # the last two
-    with pytest.raises(ValueError, match="not as long"):
-        kernel.put_sobol(out, v, words, last - 1, columns, ones, ones)
+    kernel.put_words(out, words, words, 1, columns, ones, ones)
+    for place in (2, 3):
+        with pytest.raises(ValueError, match="not as long"):
+            kernel.put_words(out, words, words[:1], place, columns, ones, ones)
     with pytest.raises(ValueError, match="columns must be in"):
-        kernel.put_sobol(out, v, words, 0, columns + 1, ones, ones)
+        kernel.put_words(out, words, words, 0, columns + 1, ones, ones)
     with pytest.raises(ValueError, match="must have shape"):
-        kernel.put_sobol(out, v, words, 0, columns, ones[:2], ones)
-    with pytest.raises(ValueError, match="directions"):
-        kernel.put_sobol(out, v[:, :2].copy(), words, 0, columns, ones, ones)
+        kernel.put_words(out, words, words, 0, columns, ones[:2], ones)
+    with pytest.raises(ValueError, match="heads must have shape"):
+        kernel.put_words(out, words, words[:, :2].copy(), 0, columns, ones, ones)
 
 
 @pytest.mark.parametrize("sampling", ["sobol", "random"])

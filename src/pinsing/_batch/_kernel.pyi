@@ -53,9 +53,6 @@ class ConditionSet:
         out: NDArray[np.float64],
         isa: str,
     ) -> int: ...
-    def zeros(
-        self, pieces: NDArray[np.float64], ends: NDArray[np.float64], threads: int
-    ) -> list[float]: ...
 
 class Motions:
     def __init__(
@@ -146,18 +143,6 @@ def walks(
     max_iterations: int,
     max_sweeps: int,
 ) -> None: ...
-def second_orders(
-    R: NDArray[np.float64],
-    t: NDArray[np.float64],
-    prismatic: NDArray[np.bool_],
-    rows: Sequence[int],
-    zero: float,
-    size: float,
-    Q: NDArray[np.float64],
-    out: NDArray[np.float64],
-    isa: str,
-    threads: int,
-) -> None: ...
 def joint_speeds(
     rows: NDArray[np.float64],
     linear: NDArray[np.bool_],
@@ -217,17 +202,6 @@ def sources(
     whole: int,
     out: NDArray[np.int64],
 ) -> None: ...
-def between(
-    q: NDArray[np.float64],
-    near: NDArray[np.float64],
-    sides: NDArray[np.float64],
-    upper: NDArray[np.float64],
-    way: NDArray[np.float64],
-    turn: NDArray[np.float64],
-    scale: NDArray[np.float64],
-    out: NDArray[np.float64],
-    threads: int,
-) -> None: ...
 def divided(
     source: NDArray[np.int64],
     part: NDArray[np.int64],
@@ -253,10 +227,10 @@ def link_nodes(
     way: NDArray[np.float64],
     threads: int,
 ) -> None: ...
-def sobol_points(
-    directions: NDArray[np.uint64],
-    words: NDArray[np.uint64],
-    start: int,
+def put_words(
+    block: NDArray[np.uint64],
+    heads: NDArray[np.uint64],
+    place: int,
     columns: NDArray[np.int64],
     low: NDArray[np.float64],
     width: NDArray[np.float64],

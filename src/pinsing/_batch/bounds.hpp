@@ -101,7 +101,7 @@ static Both bounds_of_equation(const Conditions& c, std::int64_t e, const V* x, 
 // Scratch of bounds_of_branch, in blocks.
 static std::size_t branch_blocks(int n) {
     const int k = kMaxCombined;
-    return static_cast<std::size_t>(n * (k + 2) + k * (k + 4));
+    return static_cast<std::size_t>(n * (k + 2) + k * 4);
 }
 
 // Bounds of the equations of one branch.
@@ -114,7 +114,6 @@ static Both bounds_of_branch(const Conditions& c, std::int64_t first, std::int64
     V* error = value + most;
     V* slope_error = error + most;
     V* multiple = slope_error + most;
-    V* gram = multiple + most;
     Both best{broadcast(0.0), broadcast(__builtin_inf())};
     for (std::int64_t e = first; e < last; e++) {
         const int i = e - first < most ? static_cast<int>(e - first) : most;
@@ -131,15 +130,8 @@ static Both bounds_of_branch(const Conditions& c, std::int64_t first, std::int64
     }
     const int k = static_cast<int>(last - first < most ? last - first : most);
     if (k < 2) return best;
-    for (int i = 0; i < k; i++) {
-        multiple[i] = value[i];
-        for (int m = 0; m < k; m++) {
-            V sum = broadcast(0.0);
-            for (int j = 0; j < n; j++) sum += g[i * n + j] * g[m * n + j];
-            gram[i * k + m] = sum;
-        }
-    }
-    solve_spd(gram, multiple, k, 1e-13, 1e-15);
+    for (int i = 0; i < k; i++) multiple[i] = value[i];
+    least_norm([=](int i) { return g + i * n; }, k, n, multiple, 1e-13, 1e-15);
     V v = broadcast(0.0), err = broadcast(0.0), slope = broadcast(0.0), sizes = broadcast(0.0);
     for (int j = 0; j < n; j++) both[j] = broadcast(0.0);
     for (int i = 0; i < k; i++) {

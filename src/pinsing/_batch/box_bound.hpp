@@ -74,14 +74,11 @@ private:
         const double target = here > 0.0 ? rest : -rest;
         double point[kJoints], bound;
         if (largest_) {
-            double from = 0.0;
-            for (int j = 0; j < n; j++) from = std::max(from, std::fabs(near[j] - q[j]));
             const bool upward = here < 0.0;
-            const double r = cube_to_plane(q, lo, hi, g, std::fabs(here - target), n, upward, from);
+            const double r = cube_to_plane(q, lo, hi, g, near, std::fabs(here - target), n, upward);
             if (r == kInfinity) return false;
             for (int j = 0; j < n; j++)
-                point[j] = (g[j] > 0.0) == upward ? std::min(hi[j], std::max(q[j] + r, near[j]))
-                                                  : std::max(lo[j], std::min(q[j] - r, near[j]));
+                point[j] = cube_side(q[j], near[j], lo[j], hi[j], r, (g[j] > 0.0) == upward);
             bound = std::max(r * (1.0 - 1e-12) - 1e-13, 0.0);
         } else {
             bound = to_plane(q, lo, hi, g, a0, target, n, point);
@@ -100,17 +97,12 @@ private:
         const int n = b_.d();
         const int k = std::min<int>(static_cast<int>(b_.at.size()), kMaxCombined);
         const std::vector<SumAt>& at = b_.at;
-        double A[kMaxCombined * kMaxCombined], y[kMaxCombined];
+        double y[kMaxCombined];
         for (int i = 0; i < k; i++) {
             y[i] = at[i].value;
             for (int j = 0; j < n; j++) y[i] += at[i].g[j] * (near[j] - box.c[j]);
-            for (int m = 0; m < k; m++) {
-                double sum = 0.0;
-                for (int j = 0; j < n; j++) sum += at[i].g[j] * at[m].g[j];
-                A[i * k + m] = sum;
-            }
         }
-        solve_spd(A, y, k, 1e-13, 1e-15);
+        least_norm([&](int i) { return at[i].g; }, k, n, y, 1e-13, 1e-15);
         double value = 0.0, rest = 0.0, size = 0.0, g[kJoints] = {};
         for (int i = 0; i < k; i++) {
             value += y[i] * at[i].value;

@@ -31,9 +31,8 @@ inline double part_of(double whole, double fixed, bool largest) {
     return fixed < whole ? std::sqrt((whole - fixed) * (whole + fixed)) : -1.0;
 }
 
-inline double vsqrt(double x) { return std::sqrt(x); }
 inline double vmax(double x, double y) { return std::max(x, y); }
-#include "cholesky.hpp"
+#include "least_norm.hpp"
 
 // Value, gradient and bounds of one equation.
 struct SumAt {
@@ -162,27 +161,30 @@ inline double to_plane(const double* q, const double* lo, const double* hi, cons
     return best;
 }
 
+// Where a side of the cube of half-side r around q cuts the range of one joint, as the box has it: from
+// `near`, the point of that nearest to q, on.
+inline double cube_side(double q, double near, double lo, double hi, double r, bool up) {
+    return up ? std::min(hi, std::max(q + r, near)) : std::max(lo, std::min(q - r, near));
+}
+
 // Distance from q to that set in the maximum norm: the least r at which the box and the cube of
-// half-side r around q reach the target. From below.
+// half-side r around q reach the target. From that of `near`, where a0 + g x is short of the target.
 inline double cube_to_plane(const double* q, const double* lo, const double* hi, const double* g,
-                     double short_of, int d, bool upward, double from) {
-    // short_of: how much a0 + g y lacks at the point y of the box nearest to q.
+                            const double* near, double short_of, int d, bool upward) {
     auto gain = [&](double r) {
         double total = 0.0;
         for (int j = 0; j < d; j++) {
-            const double y = std::min(std::max(q[j], lo[j]), hi[j]);
-            const double sign = (g[j] > 0.0) == upward ? 1.0 : -1.0;
-            const double end = sign > 0.0 ? std::min(hi[j], std::max(q[j] + r, y))
-                                          : std::max(lo[j], std::min(q[j] - r, y));
-            total += std::fabs(g[j]) * std::fabs(end - y);
+            const double end = cube_side(q[j], near[j], lo[j], hi[j], r, (g[j] > 0.0) == upward);
+            total += std::fabs(g[j]) * std::fabs(end - near[j]);
         }
         return total;
     };
-    double high = from;
-    for (int j = 0; j < d; j++)
-        high = std::max({high, std::fabs(hi[j] - q[j]), std::fabs(lo[j] - q[j])});
+    double low = 0.0, high = 0.0;
+    for (int j = 0; j < d; j++) {
+        low = std::max(low, std::fabs(near[j] - q[j]));
+        high = std::max({high, low, std::fabs(hi[j] - q[j]), std::fabs(lo[j] - q[j])});
+    }
     if (gain(high) < short_of * (1.0 - 1e-12)) return kInfinity;
-    double low = from;
     for (int i = 0; i < 60 && high - low > 1e-13 * (1.0 + high); i++) {
         const double middle = 0.5 * (low + high);
         (gain(middle) < short_of ? low : high) = middle;

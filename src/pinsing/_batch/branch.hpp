@@ -195,22 +195,17 @@ private:
                    double relax, double* step, double* along) const {
         const int n = d();
         const double* g = at[0].g;
-        double here = at[0].value, from = 0.0, near[kJoints];
+        double here = at[0].value, near[kJoints];
         for (int j = 0; j < n; j++) {
             near[j] = std::min(std::max(q[j], lo[j]), hi[j]);
             here += g[j] * (near[j] - x[j]);
-            from = std::max(from, std::fabs(near[j] - q[j]));
         }
         const bool upward = here < 0.0;
-        const double r = cube_to_plane(q, lo, hi, g, std::fabs(here), n, upward, from);
+        const double r = cube_to_plane(q, lo, hi, g, near, std::fabs(here), n, upward);
         if (r == kInfinity) return;
         for (int j = 0; j < n; j++) {
-            const bool rises = (g[j] > 0.0) == upward;
-            double y = near[j];
-            if (std::fabs(g[j]) > 1e-9 * at[0].size)
-                y = rises ? std::min(hi[j], std::max(q[j] + r, near[j]))
-                          : std::max(lo[j], std::min(q[j] - r, near[j]));
-            along[j] = y - x[j];
+            const bool moves = std::fabs(g[j]) > 1e-9 * at[0].size, up = (g[j] > 0.0) == upward;
+            along[j] = (moves ? cube_side(q[j], near[j], lo[j], hi[j], r, up) : near[j]) - x[j];
             step[j] = relax * along[j];
         }
     }

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-SUFFIXES = (".cpp", ".hpp", ".inc", ".pyi")
+SUFFIXES = (".cpp", ".hpp", ".pyi")
 
 
 def fingerprint(folder: Path) -> str | None:

@@ -124,7 +124,6 @@ void approach(const Conditions& c, std::int64_t b, const double* x, const double
     const std::int64_t first = c.equation_start[b], all = c.equation_start[b + 1] - first;
     const int k = static_cast<int>(std::min<std::int64_t>(all, kMaxCombined));
     SumAt at[kMaxCombined];
-    double gram[kMaxCombined * kMaxCombined], copy[kMaxCombined * kMaxCombined];
     double y[kMaxCombined], z[kMaxCombined], moves[kMaxCombined];
     for (int i = 0; i < k; i++) {
         const std::int64_t e = first + i, t = c.term_start[e];
@@ -133,17 +132,12 @@ void approach(const Conditions& c, std::int64_t b, const double* x, const double
         y[i] = at[i].value;
         moves[i] = 0.0;
         for (int j = 0; j < c.n; j++) moves[i] += at[i].g[j] * u[j];
-        for (int m = 0; m <= i; m++) {
-            double sum = 0.0;
-            for (int j = 0; j < c.n; j++) sum += at[i].g[j] * at[m].g[j];
-            gram[i * k + m] = gram[m * k + i] = sum;
-        }
+        z[i] = moves[i];
     }
     if (k > 0) {
-        std::copy(gram, gram + k * k, copy);
-        std::copy(moves, moves + k, z);
-        solve_spd(gram, y, k, kRidge, 0.1 * kRidge);
-        solve_spd(copy, z, k, kRidge, 0.1 * kRidge);
+        const auto g = [&](int i) { return at[i].g; };
+        least_norm(g, k, c.n, y, kRidge, 0.1 * kRidge);
+        least_norm(g, k, c.n, z, kRidge, 0.1 * kRidge);
         for (int i = 0; i < k; i++) {
             across += moves[i] * z[i];
             for (int j = 0; j < c.n; j++) off[j] += at[i].g[j] * y[i];

@@ -7,7 +7,7 @@ agree to rounding across instruction sets.
 Fixed limits of the kernel: singular values of matrices with a smaller side of at most 6 and a
 larger one of at most 32; beyond them NumPy computes the singular values.
 
-Walks lead to rank drops; what is known to second order there is computed likewise.
+Walks lead to rank drops.
 """
 
 from __future__ import annotations
@@ -181,23 +181,23 @@ class ValueCounts(NamedTuple):
     greatest: int  # where the first greatest is; -1 without a number
 
 
-def put_sobol(
+def put_words(
     out: Floats,
-    directions: Words,
-    words: Words,
-    start: int,
+    block: Words,
+    heads: Words,
+    place: int,
     columns: Counts,
     low: Floats,
     width: Floats,
 ) -> None:
-    """Put points ``start``, ``start`` + 1, ... of a Sobol sequence into rows of ``out`` (N, n).
+    """Put a sample of the unit cube into rows of ``out`` (N, n).
 
     ``out`` is C-contiguous; column ``columns[j]`` gets ``low[j]`` plus ``width[j]`` times
-    coordinate j, (k,) each. ``directions`` (bits, k) are direction numbers, ``words`` (k,) digits
-    of point 0, as those of floats from 1 to 2. ValueError for bad shapes, or points behind the end
-    of the sequence.
+    coordinate j, (k,) each. Words of floats from 1 to 2, one more than the coordinates, are those
+    of ``block`` (B, k), from row ``place`` on, with ``heads`` (H, k), one after the other, by
+    exclusive-or. ValueError for bad shapes.
     """
-    module().sobol_points(directions, words, start, columns, low, width, out)
+    module().put_words(block, heads, place, columns, low, width, out)
 
 
 def count_values(
@@ -282,41 +282,3 @@ def walks(
         MAX_SWEEPS,
     )
     return X, ends[:, 0].astype(np.intp), ends[:, 1] > 0
-
-
-def second_orders_covered(n: int, m: int) -> bool:
-    """Return True if configurations of n joints and m rows, of rank m in general, are compiled."""
-    return available() and m <= n <= int(module().WALK_JOINTS)
-
-
-def second_orders(
-    chain: Chain,
-    Q: ArrayLike,
-    *,
-    rows: Sequence[int],
-    zero: float,
-    size: float,
-    threads: int | None = None,
-    isa: str | None = None,
-) -> Floats:
-    """Return (N, 6) of what is known to second order at Q (N, n) where one motion is lost.
-
-    How many singular values are not zero (up to ``zero`` of sigma_1, at least ``size``). With the
-    last left singular vector u, the last n - m + 1 right ones N, and B_ij = u . dJ_i / dq_j: least
-    and greatest eigenvalue of Q = sym(N^T B N), its largest entry, the norm of B N, and the largest
-    entry of dJ. ``chain`` and Q are in the arm's own length; of m ``rows`` the generic rank is m.
-    """
-    Q = np.ascontiguousarray(Q, dtype=np.float64)
-    out = np.empty((len(Q), 6))
-    module().second_orders(
-        chain.R,
-        chain.t,
-        chain.prismatic,
-        list(rows),
-        zero,
-        size,
-        Q,
-        out,
-        *_how(isa, threads),
-    )
-    return out

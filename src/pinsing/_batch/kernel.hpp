@@ -104,10 +104,6 @@ struct Kernel {
     // and kWalkEquations equations; factors of the task are one.
     Outcome (*walks)(const Chain&, const Task&, const Walk&, const double* Q, const double* free,
                      std::int64_t N, double* X, double* ends, int max_sweeps);
-    // Q (N, n) -> out (N, 6), what second_order.hpp tells of configurations whose m rows have rank m
-    // in general. At most kWalkJoints joints, m <= n; factors of the task are one.
-    Outcome (*second_orders)(const Chain&, const Task&, double zero, double size, const double* Q,
-                             std::int64_t N, double* out);
     // J (N, 6, k) at centres, half widths R (N, n) -> out (N, 2 + n): the share of the limits there, a
     // bound in the box, and what each joint's width has in it. At most kSpeedColumns columns.
     Outcome (*speeds)(const SpeedTask&, const double* J, const double* R, std::int64_t N, double* out);

@@ -175,21 +175,6 @@ void walks(const In& R, const In& t, const InFlags& prismatic, const std::vector
     });
 }
 
-void second_orders(const In& R, const In& t, const InFlags& prismatic,
-                   const std::vector<int>& rows, double zero, double size, const In& Q, Out out,
-                   const std::string& isa, int threads) {
-    const Kernel& kernel = kernel_named(isa);
-    const Chain chain = chain_of(R, t, prismatic);
-    const pinsing::Task task = plain_task(rows);
-    require(chain.n <= pinsing::kWalkJoints && task.m <= chain.n, "too many joints, or rows, for this");
-    const std::size_t N = rows_of(Q, static_cast<std::size_t>(chain.n));
-    require_shape(out, "out", {N, 6});
-    share_finite("Q", N, threads, 1, [&](std::int64_t first, std::int64_t count, double*) {
-        return kernel.second_orders(chain, task, zero, size, Q.data() + first * chain.n, count,
-                                    out.data() + first * 6);
-    });
-}
-
 // `speeds`: those of the tip, m/s and rad/s.
 void joint_speeds(const In& rows, const InFlags& linear, const In& limits, const In& far,
                   const InFlags& turns, const InFlags& moving, const std::vector<double>& speeds,
@@ -310,7 +295,6 @@ NB_MODULE(_kernel, m) {
     define(m, "jacobians", &jacobians);
     define(m, "singular_values", &singular_values);
     define(m, "walks", &walks);
-    define(m, "second_orders", &second_orders);
     define(m, "joint_speeds", &joint_speeds);
     define(m, "tubes", &tubes);
     define(m, "svdvals", &svdvals);

@@ -1,11 +1,9 @@
 // Conditions as a Python object, made once and asked often: its arrays are copied and checked here,
 // so that a call costs little.
 #include <nanobind/stl/string.h>
-#include <nanobind/stl/vector.h>
 
 #include <algorithm>
 #include <cmath>
-#include <deque>
 #include <memory>
 #include <string>
 #include <vector>
@@ -19,32 +17,46 @@ namespace nb = nanobind;
 namespace pinsing {
 namespace {
 
-using Whole = std::vector<std::int64_t>;
-using Real = std::vector<double>;
-
 class ConditionSet {
 public:
     // `flat`: the arrays of conditions.hpp by their names.
     ConditionSet(int families, const nb::dict& flat, bool largest) {
-        const Whole &family = wholes(flat["family"], families), &power = wholes(flat["power"], 1000);
-        const Real &turn = reals(flat["turn"]), &value = reals(flat["value"]), &noise = reals(flat["noise"]),
-                   &amplitude = reals(flat["amplitude"]), &rate = reals(flat["rate"]);
-        const std::size_t branches = family.size(), equations = noise.size(), terms = amplitude.size();
-        const int n = static_cast<int>(turn.size());
+        const auto size = [&](const char* name) { return nb::len(nb::handle(flat[name])); };
+        const std::size_t n = size("turn"), branches = size("family"), values = size("value");
+        const std::size_t equations = size("noise"), terms = size("amplitude");
+        const std::size_t rates = size("rate"), powers = size("power");
         require(n >= 1 && n <= kMaxConditionJoints, "the number of joints is out of range");
         require(families >= 0 && families <= 100000, "the number of families is out of range");
-        c_ = Conditions{n, families, static_cast<int>(branches), family.data(), turn.data(),
-                        starts(flat["value_start"], branches, value.size()),
-                        joints(flat["value_joint"], value.size(), n), value.data(),
-                        starts(flat["equation_start"], branches, equations),
-                        starts(flat["term_start"], equations, terms), noise.data(),
-                        reals(flat["reach"], equations), reals(flat["curvature"], equations),
-                        reals(flat["steepness"], equations), flags(flat["sliding"], equations),
-                        amplitude.data(), reals(flat["phase"], terms), reals(flat["rate_norm"], terms),
-                        starts(flat["rate_start"], terms, rate.size()),
-                        joints(flat["rate_joint"], rate.size(), n), rate.data(),
-                        starts(flat["power_start"], terms, power.size()),
-                        joints(flat["power_joint"], power.size(), n), power.data(), largest};
+        const auto reals = [&](const char* name, std::size_t count) {
+            return copied<double>(flat[name], count);
+        };
+        // Numbers from 0 to `end`, which is none of them.
+        const auto wholes = [&](const char* name, std::size_t count, std::size_t end) {
+            const std::int64_t* found = copied<std::int64_t>(flat[name], count);
+            for (std::size_t i = 0; i < count; i++)
+                require(found[i] >= 0 && found[i] < static_cast<std::int64_t>(end),
+                        "an index of conditions is out of range");
+            return found;
+        };
+        // Where each of so many items starts among `count` others, and where the last one ends.
+        const auto starts = [&](const char* name, std::size_t items, std::size_t count) {
+            const std::int64_t* found = wholes(name, items + 1, count + 1);
+            require(found[0] == 0 && std::is_sorted(found, found + items + 1) &&
+                        found[items] == static_cast<std::int64_t>(count),
+                    "the starts of conditions do not fit");
+            return found;
+        };
+        c_ = Conditions{static_cast<int>(n), families, static_cast<int>(branches),
+                        wholes("family", branches, static_cast<std::size_t>(families)), reals("turn", n),
+                        starts("value_start", branches, values), wholes("value_joint", values, n),
+                        reals("value", values), starts("equation_start", branches, equations),
+                        starts("term_start", equations, terms), reals("noise", equations),
+                        reals("reach", equations), reals("curvature", equations),
+                        reals("steepness", equations), copied<bool>(flat["sliding"], equations),
+                        reals("amplitude", terms), reals("phase", terms), reals("rate_norm", terms),
+                        starts("rate_start", terms, rates), wholes("rate_joint", rates, n),
+                        reals("rate", rates), starts("power_start", terms, powers),
+                        wholes("power_joint", powers, n), wholes("power", powers, 1000), largest};
     }
 
     ConditionSet(const ConditionSet&) = delete;
@@ -88,7 +100,7 @@ public:
         std::int64_t family = -1;
         for (std::size_t j = 0; j < velocity.size(); j++)
             if (!std::isfinite(velocity.data()[j])) return -2;
-        Real each(2 * static_cast<std::size_t>(c_.families));
+        std::vector<double> each(2 * static_cast<std::size_t>(c_.families));
         const Outcome outcome = kernel.clearances(c_, x.data(), 1, result, result + 1, &family,
                                                   each.data(), nullptr, scratch.get());
         if (outcome.not_finite >= 0) return -2;
@@ -96,8 +108,8 @@ public:
         for (int f = 0; family >= 0 && f < c_.families; f++)
             nearer += f != family && each[2 * f] < each[2 * family + 1];
         if (nearer > 0) {
-            const Real below(n, -HUGE_VAL), above(n, HUGE_VAL);
-            Real point(x.data(), x.data() + n);
+            const std::vector<double> below(n, -HUGE_VAL), above(n, HUGE_VAL);
+            std::vector<double> point(x.data(), x.data() + n);
             double far = 100.0;
             for (double value : point) far = std::max(far, 100.0 + std::fabs(value));
             const SearchOptions options{below.data(), above.data(), 0, false, far, gap, boxes};
@@ -144,83 +156,18 @@ public:
         share_each(N, threads, search, 1);
     }
 
-    // Zeros of every equation along pieces (m, degree + 1, n), ascending powers of 0..1. Returns
-    // (segment, equation, s, half-width, kind) rows, in order, and the values at both ends
-    // (m, equations, 2).
-    nb::object zeros(const In& pieces, Out ends, int threads) const {
-        require(pieces.ndim() == 3 && pieces.shape(1) >= 1 && pieces.shape(1) <= 64 &&
-                    pieces.shape(2) == static_cast<std::size_t>(c_.n),
-                "pieces must have shape (m, degree + 1, n)");
-        const int degree = static_cast<int>(pieces.shape(1)) - 1;
-        const std::int64_t m = static_cast<std::int64_t>(pieces.shape(0)), E = c_.equation_start[c_.branches];
-        require(ends.size() == static_cast<std::size_t>(2 * m * E), "ends must have shape (m, equations, 2)");
-        for (std::size_t i = 0; i < pieces.size(); i++)
-            require(std::isfinite(pieces.data()[i]), "a piece holds a value that is not finite");
-        constexpr std::int64_t kPieces = 512;
-        std::vector<std::vector<Event>> found(static_cast<std::size_t>((m + kPieces - 1) / kPieces));
-        const auto search = [&](std::int64_t k) {
-            for (std::int64_t e = 0; e < E; e++) {
-                double* end = ends.data() + 2 * (k * E + e);
-                zeros_of_piece(c_, e, pieces.data() + k * (degree + 1) * c_.n, degree, k,
-                               found[static_cast<std::size_t>(k / kPieces)], end[0], end[1]);
-            }
-        };
-        share_each(static_cast<std::size_t>(m), threads, search, kPieces);
-        std::vector<double> flat;
-        for (const std::vector<Event>& part : found)
-            for (const Event& event : part)
-                flat.insert(flat.end(),
-                            {static_cast<double>(event.segment), static_cast<double>(event.equation),
-                             event.s, event.width, static_cast<double>(event.kind)});
-        return nb::cast(flat);
-    }
-
 private:
-    std::deque<Whole> wholes_;
-    std::deque<Real> reals_;
-    std::unique_ptr<bool[]> flags_;
+    std::vector<std::shared_ptr<void>> kept_;
     Conditions c_;
 
-    const Real& reals(nb::handle given) {
-        const In array = nb::cast<In>(given);
-        return reals_.emplace_back(array.data(), array.data() + array.size());
-    }
-
-    const double* reals(nb::handle given, std::size_t count) {
-        const Real& found = reals(given);
-        require(found.size() == count, "the arrays of conditions differ in length");
-        return found.data();
-    }
-
-    const bool* flags(nb::handle given, std::size_t count) {
-        const InFlags array = nb::cast<InFlags>(given);
+    template <class T>
+    const T* copied(nb::handle given, std::size_t count) {
+        const auto array = nb::cast<nb::ndarray<const T, nb::c_contig, nb::device::cpu>>(given);
         require(array.size() == count, "the arrays of conditions differ in length");
-        flags_ = std::make_unique<bool[]>(count + 1);
-        std::copy(array.data(), array.data() + count, flags_.get());
-        return flags_.get();
-    }
-
-    // Numbers from 0 to `end`, which is none of them.
-    const Whole& wholes(nb::handle given, std::int64_t end) {
-        const InWhole array = nb::cast<InWhole>(given);
-        const Whole& found = wholes_.emplace_back(array.data(), array.data() + array.size());
-        for (std::int64_t i : found) require(i >= 0 && i < end, "an index of conditions is out of range");
-        return found;
-    }
-
-    const std::int64_t* joints(nb::handle given, std::size_t count, int n) {
-        const Whole& found = wholes(given, n);
-        require(found.size() == count, "the arrays of conditions differ in length");
-        return found.data();
-    }
-
-    // Where each of so many items starts among `count` others, and where the last one ends.
-    const std::int64_t* starts(nb::handle given, std::size_t items, std::size_t count) {
-        const Whole& found = wholes(given, static_cast<std::int64_t>(count) + 1);
-        require(found.size() == items + 1 && found.front() == 0 && std::is_sorted(found.begin(), found.end()) &&
-                    found.back() == static_cast<std::int64_t>(count),
-                "the starts of conditions do not fit");
-        return found.data();
+        const std::shared_ptr<T[]> own(new T[count + 1]);
+        std::copy(array.data(), array.data() + count, own.get());
+        kept_.push_back(own);
+        return own.get();
     }
 };
 
@@ -233,7 +180,6 @@ void add_conditions(nb::module_& m) {
     define(conditions, "clearances", &ConditionSet::clearances);
     define(conditions, "nearest", &ConditionSet::nearest);
     define(conditions, "watch", &ConditionSet::watch);
-    define(conditions, "zeros", &ConditionSet::zeros);
 }
 
 }  // namespace pinsing

@@ -49,38 +49,6 @@ void sources(const InLinks& before, const InLinks& beside, const InLinks& last, 
     }
 }
 
-// The most clearance `out` (M,) that there may be halfway from q (M, n) to its neighbours `sides`
-// (M, 2, n), `upper` (M,) being found at points `near` (M, n): as far as the ends are from there, and
-// half as far as the branch bends; infinite if that is as much as it is long, its `way` (M,).
-void between(const In& q, const In& near, const In& sides, const In& upper, const In& way,
-             const In& turn, const In& scale, Out out, int threads) {
-    const std::size_t M = out.size(), n = turn.size();
-    require(q.size() == M * n && near.size() == M * n && sides.size() == 2 * M * n &&
-                upper.size() == M && way.size() == M && scale.size() == n,
-            "nodes and neighbours do not fit");
-    share_each(M, threads, [&](std::int64_t i) {
-        double here = 0.0, ends[2] = {0.0, 0.0}, bent = 0.0;
-        for (std::size_t j = 0; j < n; j++) {
-            const double at = q.data()[i * n + j], off = at - near.data()[i * n + j];
-            const double by = scale.data()[j];
-            double both = 0.0;
-            for (int side = 0; side < 2; side++) {
-                double half = sides.data()[(2 * i + side) * n + j] - at;
-                half -= turn.data()[j] * nearest_whole(half * (0.5 / M_PI));
-                both += half / 2;
-                ends[side] += (off + half / 2) * by * ((off + half / 2) * by);
-            }
-            here += off * by * (off * by);
-            bent += both * by * (both * by);
-        }
-        const double farther = std::sqrt(std::max(ends[0], ends[1])) - std::sqrt(here);
-        const double bend = std::sqrt(bent) / 2;
-        out.data()[i] = 2 * bend < way.data()[i]
-                            ? upper.data()[i] + std::max(farther, 0.0) + bend
-                            : std::numeric_limits<double>::infinity();
-    });
-}
-
 // Motions to parts of nodes, from parts of the nodes `source` (D, M) where theirs began: `part`
 // (W, 3), -1 is none. Returned are those at most `reach` and both `half` widths away (D', M), each
 // once and in order, `none` behind; `before` (M,) are the nearest ones.
@@ -306,7 +274,6 @@ nb::tuple onward_back(Motions& motion, const InWhole& source, const In& through,
 
 void add_motions(nb::module_& m) {
     define(m, "sources", &sources);
-    define(m, "between", &between);
     define(m, "divided", &divided);
     nb::class_<Motions> motions(m, "Motions");
     motions.def(nb::init<const In&, const In&, const In&, const In&, const In&, const In&, const In&,

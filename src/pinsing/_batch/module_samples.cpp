@@ -9,7 +9,6 @@
 #include <cstring>
 #include <limits>
 #include <tuple>
-#include <type_traits>
 
 #include "module.hpp"
 
@@ -23,91 +22,34 @@ using InWords = nb::ndarray<const std::uint64_t, nb::c_contig, nb::device::cpu>;
 // The last column of a matrix is a column of values as well.
 using InColumn = nb::ndarray<const double, nb::ndim<1>, nb::device::cpu>;
 
-constexpr std::size_t kMostCoordinates = 64;
-
-// Points of one Sobol sequence after another: v (bits, k) are its direction numbers, w (k,) the words
-// of point i, those of floats in [1, 2). Point i + 1 follows by the exclusive-or with row ctz(i + 1).
-// Where `size` is a constant, words and ranges stay in registers: nothing that is written is one of
-// them.
-struct Sobol {
-    const std::uint64_t* v;
-    std::uint64_t w[kMostCoordinates];
-    double low[kMostCoordinates], width[kMostCoordinates];
-
-    // Calls put(x) N times, with x(j) = low[j] + (coordinate j) width[j].
-    template <class Size, class Put>
-    static void run(Sobol s, std::uint64_t i, std::size_t N, Size k, Put put) {
-        while (N-- > 0) {
-            put([&](std::size_t j) {
-                double digits;
-                std::memcpy(&digits, &s.w[j], sizeof digits);
-                return (digits - 1.0) * s.width[j] + s.low[j];
-            });
-            const std::uint64_t* const next = s.v + __builtin_ctzll(++i) * k;
-            if (N > 0)
-                for (std::size_t j = 0; j < k; j++) s.w[j] ^= next[j];
-        }
-    }
-};
-
-template <std::size_t k>
-using Constant = std::integral_constant<std::size_t, k>;
-
-// Point i is `words` (k,) xor the direction numbers (bits, k) at the digits of its Gray code; words
-// are those of floats in [1, 2). Column columns[j] of out (N, n) gets low[j] plus width[j] times
-// coordinate j, for i from start on.
-void sobol_points(const InWords& directions, const InWords& words, std::uint64_t start,
-                  const InWhole& columns, const In& low, const In& width, Out out) {
-    require(words.ndim() == 1 && words.shape(0) >= 1 && words.shape(0) <= kMostCoordinates,
-            "words must have shape (k,), k at most 64");
-    const std::size_t k = words.shape(0);
-    require(directions.ndim() == 2 && directions.shape(1) == k, "directions must be (bits, k)");
-    require(columns.ndim() == 1 && columns.shape(0) == k && low.ndim() == 1 &&
-                low.shape(0) == k && width.ndim() == 1 && width.shape(0) == k,
-            "columns, low and width must have shape (k,)");
-    require(out.ndim() == 2, "out must have shape (N, n)");
-    const std::size_t N = out.shape(0), n = out.shape(1), bits = directions.shape(0);
-    require(bits >= 1 && bits < 64 && start < (std::uint64_t{1} << bits) &&
-                N <= (std::uint64_t{1} << bits) - start,
-            "the sequence is not as long");
-    bool in_order = k == n;
-    for (std::size_t j = 0; j < k; j++) {
+// Column columns[j] of out (N, n) gets low[j] plus width[j] times coordinate j of a sample. Its words are
+// those of floats in [1, 2), one more than the coordinates: `block` (B, k), from row `place` on, xor the
+// first of `heads` (H, k), then the whole of it xor the next one.
+void put_words(const InWords& block, const InWords& heads, std::size_t place, const InWhole& columns,
+               const In& low, const In& width, Out out) {
+    require(block.ndim() == 2 && heads.ndim() == 2 && out.ndim() == 2,
+            "block, heads and out must have two axes");
+    const std::size_t B = block.shape(0), k = block.shape(1), N = out.shape(0), n = out.shape(1);
+    require_shape(heads, "heads", {heads.shape(0), k});
+    require_shape(columns, "columns", {k});
+    require_shape(low, "low", {k});
+    require_shape(width, "width", {k});
+    require(place < B && place + N <= B * heads.shape(0), "the sample is not as long");
+    for (std::size_t j = 0; j < k; j++)
         require(columns.data()[j] >= 0 && static_cast<std::size_t>(columns.data()[j]) < n,
                 "columns must be in 0..n-1");
-        in_order = in_order && columns.data()[j] == static_cast<std::int64_t>(j);
-    }
-    const std::int64_t* column = columns.data();
-    double* row = out.data();
-    Sobol sequence{};
-    sequence.v = directions.data();
-    std::copy_n(words.data(), k, sequence.w);
-    std::copy_n(low.data(), k, sequence.low);
-    std::copy_n(width.data(), k, sequence.width);
-    const std::uint64_t gray = start ^ (start >> 1);
-    for (std::size_t b = 0; b < bits; b++)
-        if (gray >> b & 1)
-            for (std::size_t j = 0; j < k; j++) sequence.w[j] ^= directions.data()[b * k + j];
-
+    const std::int64_t* const column = columns.data();
+    const std::uint64_t *word = block.data() + place * k, *head = heads.data();
+    const double *from = low.data(), *wide = width.data();
     const nb::gil_scoped_release release;
-    const auto put = [&](auto size) {
-        if (in_order)
-            Sobol::run(sequence, start, N, size, [row, size](auto x) mutable {
-                for (std::size_t j = 0; j < size; j++) row[j] = x(j);
-                row += size;
-            });
-        else
-            Sobol::run(sequence, start, N, size, [row, size, column, n](auto x) mutable {
-                for (std::size_t j = 0; j < size; j++) row[column[j]] = x(j);
-                row += n;
-            });
-    };
-    switch (k) {
-        case 3: return put(Constant<3>{});
-        case 4: return put(Constant<4>{});
-        case 5: return put(Constant<5>{});
-        case 6: return put(Constant<6>{});
-        case 7: return put(Constant<7>{});
-        default: return put(k);
+    for (double* row = out.data(); row != out.data() + N * n; row += n, word += k) {
+        if (place++ == B) place = 1, word = block.data(), head += k;
+        for (std::size_t j = 0; j < k; j++) {
+            const std::uint64_t digits = word[j] ^ head[j];
+            double one_more;
+            std::memcpy(&one_more, &digits, sizeof one_more);
+            row[column[j]] = (one_more - 1.0) * wide[j] + from[j];
+        }
     }
 }
 
@@ -141,7 +83,7 @@ std::tuple<std::int64_t, std::int64_t, std::int64_t, std::int64_t> count_values(
 }  // namespace
 
 void add_samples(nb::module_& m) {
-    define(m, "sobol_points", &sobol_points);
+    define(m, "put_words", &put_words);
     define(m, "count_values", &count_values);
 }
 

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <vector>
 
 #include "conditions.hpp"
 
@@ -38,19 +37,5 @@ struct Contact {
 // Contact of x + t velocity with any condition, and the rate for one family; -1 is none.
 Contact contact_along(const Conditions& c, std::int64_t family, const double* x,
                       const double* velocity, double horizon);
-
-// A zero of an equation along a motion.
-struct Event {
-    std::int64_t segment, equation;
-    double s;      // within the segment, 0 to 1
-    double width;  // half of the interval in which it is
-    int kind;      // 1: the sign changes, once; 2: it comes within rounding of zero
-};
-
-// Zeros of equation e along a polynomial piece of a motion, (degree + 1, n) coefficients of powers of
-// s from 0 to 1, and its values at both ends. Each zero is in one of the events.
-void zeros_of_piece(const Conditions& c, std::int64_t e, const double* piece, int degree,
-                    std::int64_t segment, std::vector<Event>& events, double& first_value,
-                    double& last_value);
 
 }  // namespace pinsing

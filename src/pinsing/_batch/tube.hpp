@@ -30,6 +30,34 @@ struct Places {
 };
 constexpr Places kPlaces;
 
+// Halves what lies between `low` and `high`, at most `most`, of which the latter is enough.
+template <class Enough>
+PINSING_INLINE void halve(One& low, One& high, double most, int times, Enough enough) {
+    for (int i = 0; i < times; i++) {
+        const One middle = 0.5 * (low + vmin(high, spread(most)));
+        const auto good = enough(middle);
+        high = select(good, middle, high);
+        low = select(good, low, middle);
+    }
+}
+
+// The largest of n scores, and which it is where they count; 0 where none is above zero.
+PINSING_INLINE void choose(const One* scores, int n, OneMask count, One& which) {
+    One best = spread(0.0);
+    for (int j = 0; j < n; j++) {
+        which = select((scores[j] > best) & count, spread(j), which);
+        best = vmax(best, scores[j]);
+    }
+}
+
+// Distances within which all families but one are.
+PINSING_INLINE One all_but(int k, const One* within, int families) {
+    One least = spread(kFar);
+    for (int o = 0; o < families; o++)
+        if (o != k) least = vmin(least, within[o]);
+    return least;
+}
+
 // How the size of a value falls on its way to zero along a direction: by
 // slope s - curve s^2/2 - jerk s^3/6 - snap s^4/24 - last s^5/120 at least.
 struct Fall {
@@ -265,14 +293,9 @@ struct SumOnBox {
         const Fall f = along(e, select(value > 0.0, spread(1.0), spread(-1.0)), false, cubic, nullptr);
         const One left = (vabs(value) + noise) * kMore;
         One low = spread(0.0), high = select(f.by(f.top) > left, f.top, spread(kFar));
-        for (double step = 1.0; step > 1e-7; step *= 0.5) 
+        for (double step = 1.0; step > 1e-7; step *= 0.5)
             high = select(f.by(spread(step)) > left, vmin(spread(step), high), high);
-        for (int i = 0; i < 8; i++) {
-            const One middle = low + 0.5 * (vmin(high, spread(1.0)) - low);
-            const auto enough = f.by(middle) > left;
-            high = select(enough, middle, high);
-            low = select(enough, low, middle);
-        }
+        halve(low, high, 1.0, 8, [&](One middle) { return f.by(middle) > left; });
         return high * kMore;
     }
 
@@ -337,18 +360,16 @@ PINSING_INLINE void shortest(const SumOnBox& f, const One v[4][4], const One* w,
         bend[i] = sign * w[i];
         least = vmin(least, bend[i]);
     }
-    for (int i = 0; i < 10; i++) {  // m = k / (1 - k least), k = 50 z / (1 - z), 0 < z < 1
-        const One z = (low + high) * 0.5, k = 50.0 * z, m = k / (1.0 - z - k * least);
+    halve(low, high, 1.0, 10, [&](One z) {  // m = k / (1 - k least), k = 50 z / (1 - z), 0 < z < 1
+        const One k = 50.0 * z, m = k / (1.0 - z - k * least);
         One falls = spread(0.0);
         for (int j = 0; j < 4; j++) {
             const One q = 1.0 / (1.0 + m * bend[j]);
             step[j] = m * g[j] * q;
             falls += step[j] * g[j] * (0.5 + 0.5 * q);
         }
-        const auto enough = falls > drop;
-        high = select(enough, z, high);
-        low = select(enough, low, z);
-    }
+        return falls > drop;
+    });
     for (int j = 0; j < 4; j++) {
         e[j] = spread(0.0);
         for (int i = 0; i < 4; i++) e[j] -= v[j][i] * step[i];
@@ -500,9 +521,7 @@ inline void tube_box(const Tube& p, One* x, One* h, One* far, One& split) {
             far[0] = far[1];
             break;
         }
-        One others = spread(kFar);
-        for (int o = 0; o < F; o++)
-            if (o != k) others = vmin(others, within[o]);
+        const One others = all_but(k, within, F);
         const auto apart = ~(others < p.near);
         if (k < F && !any(apart)) continue;
         const One at_most = k < F ? vmin(far[F], within[k]) : nearest;
@@ -516,12 +535,7 @@ inline void tube_box(const Tube& p, One* x, One* h, One* far, One& split) {
         };
         One low = zero, high = vmin(at_most, spread(kPi));
         const auto some = none_beyond(low) | clear, few = none_beyond(high);
-        for (int i = 0; i < 12; i++) {
-            const One middle = 0.5 * (low + high);
-            const auto good = none_beyond(middle);
-            low = select(good, low, middle);
-            high = select(good, middle, high);
-        }
+        halve(low, high, kPi, 12, none_beyond);
         far[k] = select(some, zero, select(few, high, at_most));
         if (k < F) far[k] = select(apart, far[k], zero);
     }
@@ -533,11 +547,7 @@ inline void tube_box(const Tube& p, One* x, One* h, One* far, One& split) {
         for (int j = 0; j < 4; j++)
             score[j] += c.s->power * select(zeros, c.sway[j], c.parts[j] / vmax(c.least, kLeast));
     }
-    One best = score[0];
-    for (int j = 1; j < 4; j++) {
-        split = select((score[j] > best) & ~clear, spread(j), split);
-        best = vmax(best, score[j]);
-    }
+    choose(score, 4, ~clear, split);
     for (int j = 0; j < 4; j++) {
         x[j] = middle[j];
         h[j] = wide[j];
@@ -617,11 +627,7 @@ inline void rank_box(const Tube& p, One* x, One* h, One* far, One& split) {
             wide_j = select(less, 0.5 * kMore * (high - low) + 1e-13, wide_j);
         }
     }
-    One share = zero;
-    for (int j = 0; j < n; j++) {
-        split = select((scores[j] > share) & ~clear, spread(j), split);
-        share = vmax(share, scores[j]);
-    }
+    choose(scores, n, ~clear, split);
     if (!any(~clear)) return;
     One within[kTubeSums], nearest = spread(kFar), inside = nearest;
     for (int k = 0; k < F; k++) within[k] = nearest;
@@ -647,12 +653,7 @@ inline void rank_box(const Tube& p, One* x, One* h, One* far, One& split) {
             Condition c;
             c.set(s, nullptr, at, wide, spread(1e8), zero);
             high = c.within;
-            for (int j = 0; j < 12; j++) {
-                const One middle = 0.5 * (low + vmin(high, spread(2.0)));
-                const auto enough = c.below(middle) > c.most;
-                high = select(enough, middle, high);
-                low = select(enough, low, middle);
-            }
+            halve(low, high, 2.0, 12, [&](One middle) { return c.below(middle) > c.most; });
             square += high * high;
             One left = c.most;
             for (int j = 0; j < 4; j++) {
@@ -671,16 +672,10 @@ inline void rank_box(const Tube& p, One* x, One* h, One* far, One& split) {
     }
     // Near a family, that its distance varies less.
     const auto beside = ~clear & (4.0 * inside < nearest * nearest);
-    share = zero;
-    for (int j = 0; j < n; j++) {
-        split = select((scores[j] > share) & beside, spread(j), split);
-        share = vmax(share, scores[j]);
-    }
+    choose(scores, n, beside, split);
     far[F] = select(clear, zero, nearest);
     for (int k = 0; k < F; k++) {
-        One others = spread(kFar);
-        for (int o = 0; o < F; o++)
-            if (o != k) others = vmin(others, within[o]);
+        const One others = all_but(k, within, F);
         far[k] = select(clear | (others < p.near), zero, vmin(within[k], nearest));
     }
 }

@@ -13,7 +13,7 @@ c how fast ``|h|`` falls: up to the root of the right side there is no zero. Fro
 so on: the steps shrink as those of Newton's method do, and each is proven. A branch is met where
 all its conditions hold at once, so that its step is the longest of theirs.
 
-The compiled engine does both (``isolate.cpp``, ``contact.cpp``); here stands the plain reference.
+The compiled engine does the latter (``contact.cpp``); here stands the plain reference.
 """
 
 from __future__ import annotations
@@ -353,18 +353,14 @@ class Zeros:
     ends: Array  # (m, E, 2): values of the equations at both ends of each piece
 
 
-def zeros_along(conditions: Conditions, pieces: Array, *, compiled: bool = True) -> Zeros:
+def zeros_along(conditions: Conditions, pieces: Array) -> Zeros:
     """Return every zero of every equation along pieces (m, degree + 1, n)."""
     # Joint values are ``sum_k pieces[i, k] s^k`` for s from 0 to 1.
     scaled = conditions.scaled(pieces)
     ends = np.empty((len(pieces), len(conditions.sums), 2))
-    handle = conditions.compiled if compiled else None
-    if handle is not None:
-        rows = np.array(handle.zeros(scaled, ends, engine.cpu_count()), dtype=float).reshape(-1, 5)
-    else:
-        found = [_zeros(f, e, scaled, ends) for e, f in enumerate(conditions.sums)]
-        rows = np.concatenate(found) if found else np.zeros((0, 5))
-        rows = rows[np.lexsort((rows[:, 2], rows[:, 1], rows[:, 0]))]
+    found = [_zeros(f, e, scaled, ends) for e, f in enumerate(conditions.sums)]
+    rows = np.concatenate([np.zeros((0, 5)), *found])
+    rows = rows[np.lexsort((rows[:, 2], rows[:, 1], rows[:, 0]))]
     whole = rows.astype(np.int64)
     return Zeros(whole[:, 0], whole[:, 1], rows[:, 2], rows[:, 3], whole[:, 4], ends)
 

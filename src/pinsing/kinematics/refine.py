@@ -46,40 +46,24 @@ _ROUNDING = 1e-12
 UNDECIDED: Kind = "undecided"
 
 
-def clear_kinds(arm: Arm, Q: Array, compiled: bool = True) -> list[Kind | None]:
+def clear_kinds(arm: Arm, Q: Array) -> list[Kind | None]:
     """Return kinds at singular Q (N, n) where one motion is lost, and clear; else None."""
-    on, rows, r = batch(arm), arm.task.rows, generic_rank(arm)
-    own = _own_kernel(arm) and engine.second_orders_covered(arm.n, len(rows)) and r == len(rows)
-    if compiled and own:
-        told = engine.second_orders(
-            on.own_chain(),
-            Q / own_scale(arm).columns,
-            rows=rows,
-            zero=SINGULAR_RTOL,
-            size=task_size(arm),
-            # Configurations from which on they are shared out among threads
-            threads=1 if len(Q) < 1_000 else None,
-            isa=on.engine,
-        )
-    else:
-        told = _told(arm, Q)
-    above, least, greatest, entry, reached, largest = told.T
+    above, least, greatest, entry, reached, largest = _told(arm, Q).T
     tol = _ROUNDING * largest
     best = np.maximum(least, -greatest)
     kinds: dict[int, Kind | None] = {0: None, 1: UNDECIDED, 2: "interior", 3: "boundary"}
     clear = np.where(np.abs(best) > tol, np.where(best > 0, 3, 2), 0)
     flat = np.where(reached > tol, 2, 1)
-    once = above == r - 1
+    once = above == generic_rank(arm) - 1
     return [kinds[k] for k in np.where(once, np.where(entry <= tol, flat, clear), 0).tolist()]
 
 
-def _own_kernel(arm: Arm) -> bool:
-    """Return True if the kernel may know what the arm's task and joints are."""
-    return arm.coupling is None and not arm.task.at_tip and batch(arm).engine != PINOCCHIO
-
-
 def _told(arm: Arm, Q: Array) -> Array:
-    """Return what `pinsing._batch.engine` tells of Q (N, n).
+    """Return (N, 6) of what is known to second order at Q (N, n) where one motion is lost.
+
+    How many singular values are not zero. With u the lost direction, N the motions that leave the
+    task at rest, and B_ij = u . dJ_i / dq_j: least and greatest eigenvalue of sym(N^T B N), its
+    largest entry, the norm of B N, and the largest entry of dJ.
 
     Where the generic rank r is less than the rows m, some motions are never there: of the m - r + 1
     missing directions, the one that a small move makes attainable again is lost, the range of U0^T
@@ -335,7 +319,8 @@ def _compiled(
 ) -> _Ends | None:
     """The walks in the compiled kernel; None where it does not cover the arm."""
     on, rank, metric = batch(arm), generic_rank(arm), own_scale(arm).columns
-    if not _own_kernel(arm) or not engine.walks_covered(arm.n, len(arm.task.rows), rank):
+    own = arm.coupling is None and not arm.task.at_tip and on.engine != PINOCCHIO
+    if not own or not engine.walks_covered(arm.n, len(arm.task.rows), rank):
         return None
     ends, iterations, stationary = engine.walks(
         on.own_chain(),

@@ -714,12 +714,19 @@ class _Planner:
                 most = np.minimum(self.highest[part][rows], most)
                 self.likely[part][rows] = self.highest[part][rows] = most
                 self.seen[part][rows] = True
-                how = upper, self.way[k, at], self.whole, self.scale, most, engine.cpu_count()
-                engine.module().between(q, near, self._neighbors(k, at), *how)
-                self.between[part][rows] = most
+                halves = _unturned(self._neighbors(k, at) - q[:, None], self.whole) / 2
+                self.between[part][rows] = self._halfway(q - near, halves, upper, self.way[k, at])
             self._carry(part)
             np.minimum(self.likely[part], self.highest[part], out=self.likely[part])
         self.alive = self._linked(least)
+
+    def _halfway(self, off: Array, halves: Array, upper: Array, way: Array) -> Array:
+        """The most clearance (M,) there may be ``halves`` (M, 2, n) away, to both neighbours."""
+        # ``upper`` is found ``off`` (M, n) from nodes: as far more as the ends are from there, and
+        # half as far as the branch bends; infinite if that is as much as it is long.
+        farther = self._size(off[:, None] + halves).max(axis=1) - self._size(off)
+        bend = self._size(halves.sum(axis=1)) / 2
+        return np.where(2 * bend < way, upper + np.maximum(farther, 0) + bend, np.inf)
 
     def _carry(self, poses: slice) -> None:
         """Bound the clearance of nodes of poses by that of those they are a step away from."""

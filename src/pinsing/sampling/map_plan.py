@@ -54,8 +54,8 @@ def put_points(
     width = ranges[:, 1] - low
     if sampling == "sobol" and engine.available():
         words = _shift(k, seed) ^ np.float64(1.0).view(np.uint64)  # of floats from 1 to 2
-        where = np.array(columns, dtype=np.int64)
-        engine.put_sobol(out, directions(k), words, start, where, low, width)
+        heads, where = _heads(start, start + len(out), k) ^ words, np.array(columns, dtype=np.int64)
+        engine.put_words(out, _first_block(k), heads, start % BLOCK, where, low, width)
     else:
         out[:, columns] = unit_points(sampling, start, start + len(out), k, seed) * width + low
 
@@ -76,13 +76,28 @@ def unit_points(sampling: str, start: int, stop: int, dimension: int, seed: int)
 
 def sobol(start: int, stop: int, dimension: int) -> Words:
     """Return Sobol points as integers (N, dimension) of BITS digits."""
-    # Point i is the exclusive-or of the direction numbers at the digits of its Gray code.
-    gray = np.arange(start, stop, dtype=np.uint64)
-    gray ^= gray >> np.uint64(1)
-    points = np.zeros((len(gray), dimension), dtype=np.uint64)
-    for digit, v in enumerate(directions(dimension)[: stop.bit_length()]):
-        points ^= ((gray >> np.uint64(digit)) & np.uint64(1))[:, None] * v
-    return points
+    points = _heads(start, stop, dimension)[:, None] ^ _first_block(dimension)
+    return np.asarray(points.reshape(-1, dimension)[start % BLOCK :][: stop - start])
+
+
+def _heads(start: int, stop: int, dimension: int) -> Words:
+    """The first point (H, dimension) of each block that a stretch is in."""
+    # Digits of a Gray code are those of where a block begins, and those of the place in it.
+    begin = np.arange(start - start % BLOCK, stop, BLOCK, dtype=np.uint64)
+    return _of_gray_codes(begin, dimension)
+
+
+@functools.cache
+def _first_block(dimension: int) -> Words:
+    return _of_gray_codes(np.arange(BLOCK, dtype=np.uint64), dimension)
+
+
+def _of_gray_codes(i: Words, dimension: int) -> Words:
+    """Points i (N,): the exclusive-or of the direction numbers at the digits of its Gray code."""
+    place = np.arange(int(i.max(initial=0)).bit_length(), dtype=np.uint64)
+    digits = ((i ^ i >> np.uint64(1))[:, None] >> place) & np.uint64(1)
+    numbers = directions(dimension)[: len(place)]
+    return np.asarray(np.bitwise_xor.reduce(digits[:, :, None] * numbers, axis=1))
 
 
 @functools.cache

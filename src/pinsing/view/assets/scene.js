@@ -1,10 +1,7 @@
 // The meshcat view: applies a frame to the scene that Python drew.
 "use strict";
 
-const LOST_LABELS = {
-  lost: { translation: "lost translation", rotation: "lost rotation", line: "lost: along this line", screw: "lost: this screw motion" },
-  nearly: { translation: "nearly lost translation", rotation: "nearly lost rotation", line: "nearly lost: along this line", screw: "nearly lost: this screw motion" },
-};
+const LOST_LABELS = { translation: "lost translation", rotation: "lost rotation", line: "lost: along this line", screw: "lost: this screw motion" };
 
 // Drawing commands as meshcat's own page takes them, each after its length.
 function* commandsOf(bytes) {
@@ -185,7 +182,7 @@ class SceneView {
     if (!this.options.lost) return [];
     if (!frame.free) {
       return frame.lost.filter((m) => m.close).map((m) => ({
-        at: m.at, turn: m.turn, label: LOST_LABELS[frame.status === "singular" ? "lost" : "nearly"][m.kind],
+        at: m.at, turn: m.turn, label: (frame.status === "singular" ? "" : "nearly ") + LOST_LABELS[m.kind],
         arrow: m.kind !== "rotation", ring: m.kind === "rotation" || m.kind === "screw",
         line: m.kind === "line" || m.kind === "screw",
       }));

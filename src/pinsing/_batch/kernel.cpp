@@ -1,5 +1,4 @@
-// One kernel. Included once for each instruction set, with PINSING_ISA (a namespace) and
-// PINSING_ISA_NAME (its name at run time) defined and the machine flags of that set.
+// One kernel. Compiled once for each instruction set, with its machine flags and PINSING_ISA, its name.
 #include <math.h>
 #include <string.h>
 #if defined(__SSE2__)
@@ -13,6 +12,10 @@
 
 #include "kernel.hpp"
 
+#define PINSING_TEXT(word) #word
+#define PINSING_NAME(word) PINSING_TEXT(word)
+#define PINSING_JOIN(begin, end) begin##end
+#define PINSING_KERNEL(isa) PINSING_JOIN(kernel_, isa)
 #if defined(__clang__)
 #define PINSING_UNROLL _Pragma("clang loop unroll(full)")
 #else
@@ -32,10 +35,9 @@ namespace {
 #include "svd.hpp"
 #include "roots.hpp"
 #include "svd_choice.hpp"
-#include "cholesky.hpp"
+#include "least_norm.hpp"
 #include "bounds.hpp"
 #include "walk.hpp"
-#include "second_order.hpp"
 #include "speeds.hpp"
 #include "tube.hpp"
 
@@ -172,17 +174,6 @@ Outcome walks(const Chain& chain, const Task& task, const Walk& walk, const doub
     });
 }
 
-Outcome second_orders(const Chain& chain, const Task& task, double zero, double size,
-                      const double* Q, std::int64_t N, double* out) {
-    V q[kWalkJoints], told[kToldOfSecondOrder];
-    return for_each_block(N, [&](std::int64_t first, int width, Outcome& outcome) {
-        if (!load_finite(Q, chain.n, first, width, q, outcome)) return false;
-        second_order_block(chain, task, zero, size, q, told);
-        store_rows(told, kToldOfSecondOrder, width, out + first * kToldOfSecondOrder);
-        return true;
-    });
-}
-
 Outcome speeds(const SpeedTask& task, const double* J, const double* R, std::int64_t N, double* out) {
     V j[6 * kSpeedColumns], r[kSpeedColumns], told[3 + kSpeedColumns];
     One half[3 + kSpeedColumns];
@@ -271,15 +262,14 @@ Outcome clearances(const Conditions& c, const double* X, std::int64_t N, double*
 }  // namespace
 }  // namespace PINSING_ISA
 
-extern const Kernel PINSING_KERNEL{
-    PINSING_ISA_NAME,
+extern const Kernel PINSING_KERNEL(PINSING_ISA){
+    PINSING_NAME(PINSING_ISA),
     PINSING_ISA::kLanes,
     &PINSING_ISA::scratch,
     &PINSING_ISA::jacobians,
     &PINSING_ISA::singular_values,
     &PINSING_ISA::svdvals,
     &PINSING_ISA::walks,
-    &PINSING_ISA::second_orders,
     &PINSING_ISA::speeds,
     &PINSING_ISA::tubes,
     &PINSING_ISA::condition_scratch,

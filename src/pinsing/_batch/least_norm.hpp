@@ -1,0 +1,36 @@
+// Included inside a namespace, for numbers and for blocks of them.
+//
+// Solves A y = b for a symmetric A (k, k), in place; b becomes y. With `ridge` times the trace on the
+// diagonal, and pivots of at least `least` of it, rows are not exchanged: any y will do for a bound.
+template <class T>
+void solve_spd(T* A, T* b, int k, double ridge, double least) {
+    T trace = A[0] + 1e-300;
+    for (int i = 1; i < k; i++) trace += A[i * k + i];
+    for (int p = 0; p < k; p++) {
+        A[p * k + p] = vmax(A[p * k + p] + trace * ridge, trace * least);
+        for (int i = p + 1; i < k; i++) {
+            const T factor = A[i * k + p] / A[p * k + p];
+            for (int j = p + 1; j < k; j++) A[i * k + j] -= factor * A[p * k + j];
+            b[i] -= factor * b[p];
+        }
+    }
+    for (int i = k - 1; i >= 0; i--) {
+        for (int m = i + 1; m < k; m++) b[i] -= A[i * k + m] * b[m];
+        b[i] = b[i] / A[i * k + i];
+    }
+}
+
+// The multiples y (k,) of the rows g(i) (n,) of G whose sum is the least step against values y: they
+// solve G G^T y = values, likewise.
+template <class T, class Row>
+void least_norm(Row g, int k, int n, T* y, double ridge, double least) {
+    T gram[kMaxCombined * kMaxCombined];
+    for (int i = 0; i < k; i++) {
+        for (int m = 0; m <= i; m++) {
+            T sum{};
+            for (int j = 0; j < n; j++) sum += g(i)[j] * g(m)[j];
+            gram[i * k + m] = gram[m * k + i] = sum;
+        }
+    }
+    solve_spd(gram, y, k, ridge, least);
+}
