@@ -44,18 +44,6 @@ _CLONE = "clone_to_directory"
 """What the package calls that clones a repository, or fetches a commit into one."""
 
 
-def described_robots() -> dict[str, tuple[str, str]]:
-    """Return title and remark of each robot of the package, by name with ``rd:``; {} without it."""
-    # Only those that are a URDF, a xacro or a MuJoCo model; most of them are.
-    if importlib.util.find_spec(PACKAGE) is None:
-        return {}
-    found = {}
-    for name, what in sorted(_descriptions().items()):
-        title = f"{getattr(what, 'maker', '') or ''} {getattr(what, 'robot', name)}".strip()
-        found[PREFIX + name] = (title, "not on this computer" if _missing(what) else "")
-    return found
-
-
 def described_robot(name: str) -> CatalogEntry:
     """Return a robot of the package that is on this computer, or say what is missing."""
     RobotFileError.refuse_if(
@@ -79,8 +67,9 @@ def described_robot(name: str) -> CatalogEntry:
 
 
 def _descriptions() -> Mapping[str, Any]:
-    found: Mapping[str, Any] = getattr(importlib.import_module(PACKAGE), "DESCRIPTIONS", {})
-    return found
+    """What the package holds; nothing where it is not installed."""
+    here = importlib.util.find_spec(PACKAGE) is not None
+    return getattr(importlib.import_module(PACKAGE), "DESCRIPTIONS", {}) if here else {}
 
 
 def _missing(what: Any) -> str:
@@ -301,11 +290,7 @@ def known_arms() -> dict[str, dict[str, Any]]:
 
 def known_robots() -> dict[str, CatalogEntry]:
     """Return every known robot by name, sorted; pinsing's own names win."""
-    entries = _own_robots()
-    for name, entry in _data_robots().items():
-        entries.setdefault(name, entry)
-    for name, entry in _table_arms().items():
-        entries.setdefault(name, entry)
+    entries = {**_table_arms(), **_data_robots(), **_own_robots()}
     for alias, name in _ALIASES.items():
         if name in entries and alias not in entries:
             target = entries[name]
@@ -315,16 +300,23 @@ def known_robots() -> dict[str, CatalogEntry]:
 
 def described_entries() -> list[CatalogEntry]:
     """Return the robots of the package robot_descriptions; none where it is not installed."""
-    return [
-        CatalogEntry(name, Path(name), title, PACKAGE, note=note)
-        for name, (title, note) in described_robots().items()
-    ]
+    # Only those that are a URDF, a xacro or a MuJoCo model; most of them are.
+    found = []
+    for name, what in sorted(_descriptions().items()):
+        title = f"{getattr(what, 'maker', '') or ''} {getattr(what, 'robot', name)}".strip()
+        note = "not on this computer" if _missing(what) else ""
+        found.append(CatalogEntry(PREFIX + name, Path(PREFIX + name), title, PACKAGE, note=note))
+    return found
 
 
 def find_robot(name: str) -> CatalogEntry:
     """Return the robot of a name (letters and digits, any case); UnknownNameError if none."""
-    if (at_once := _plain_hit(name)) is not None:
-        return at_once
+    # What is known by a loader's name is found without looking through all folders.
+    own, folder = _own_robots(), data_folder()
+    if name in own:
+        return own[name]
+    if folder is not None and name in _LOADERS and (folder / _LOADERS[name]).is_file():
+        return _entry(name, folder / _LOADERS[name], _DATA)
     entries = known_robots()
     alike = [k for k in entries if k == name or canonical(k) == canonical(name)]
     if alike:
@@ -340,15 +332,6 @@ def find_robot(name: str) -> CatalogEntry:
         meant=_meant(name, entries),
         families=_families(entries),
     )
-
-
-def _plain_hit(name: str) -> CatalogEntry | None:
-    """Return what `known_robots` has under a loader's name, without looking through all folders."""
-    own, folder = _own_robots(), data_folder()
-    if name in own or folder is None or name not in _LOADERS:
-        return own.get(name)
-    path = folder / _LOADERS[name]
-    return _entry(name, path, _DATA) if path.is_file() else None
 
 
 def _titled(name: str, entries: Mapping[str, CatalogEntry]) -> list[CatalogEntry]:

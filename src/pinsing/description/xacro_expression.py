@@ -75,21 +75,6 @@ COMPUTED = NUMBERS | {list, tuple, dict, range, str, type(None), Function}
 PLAIN = COMPUTED | {set, bytes, datetime.date, datetime.datetime}
 
 
-def bounded(value: Any) -> Any:
-    """Return a value, unless it is larger than any robot needs."""
-    if isinstance(value, int):
-        _check_bits(value.bit_length())
-    elif isinstance(value, str | bytes):
-        _check_length(len(value))
-        Refused.refuse_if(
-            isinstance(value, str) and _SURROGATE.search(value),
-            "half of a character (a surrogate) is not accepted",
-        )
-    elif isinstance(value, list | tuple | dict | set | range) and len(value) > MOST_ITEMS:
-        raise Refused(f"more than {MOST_ITEMS} items are not accepted")
-    return value
-
-
 def _check_bits(bits: int) -> None:
     Refused.refuse_if(bits > MOST_BITS, "an integer of thousands of digits is not accepted")
 
@@ -277,7 +262,7 @@ class _Walk:
         return self.admit(self.holder(node))
 
     def holder(self, node: ast.AST) -> Any:
-        """Return the value of a node, which may be a namespace: something to take a name from."""
+        """Return what a node stands for: a value, or a namespace, to take a name from."""
         self.steps += 1
         self.depth += 1
         Refused.refuse_if(
@@ -303,13 +288,23 @@ class _Walk:
             type(value) not in self.accepted,
             f"a value of type {type(value).__name__} is not accepted",
         )
-        if isinstance(value, _SIZED):
-            self.volume += len(value)
+        if isinstance(value, int):
+            _check_bits(value.bit_length())
+        elif isinstance(value, str | bytes):
+            _check_length(len(value))
             Refused.refuse_if(
-                self.volume > MOST_VOLUME,
-                "an expression that needs too much memory is not accepted",
+                isinstance(value, str) and _SURROGATE.search(value),
+                "half of a character (a surrogate) is not accepted",
             )
-        return bounded(value)
+        elif isinstance(value, list | tuple | dict | set | range):
+            Refused.refuse_if(
+                len(value) > MOST_ITEMS, f"more than {MOST_ITEMS} items are not accepted"
+            )
+        self.volume += len(value) if isinstance(value, _SIZED) else 0
+        Refused.refuse_if(
+            self.volume > MOST_VOLUME, "an expression that needs too much memory is not accepted"
+        )
+        return value
 
     def found(self, node: ast.AST) -> Any:
         """Return what a node stands for."""

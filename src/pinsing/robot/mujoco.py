@@ -216,7 +216,7 @@ class _MjcfReader:
                 source.refuse_if(
                     name in world.attributes, f"the world has a {name}: remove it", world
                 )
-            self._children(world, _Carried(0, 0, pin.SE3.Identity(), "main"), "the world", [])
+            self._children(world, _Carried(0, 0, pin.SE3.Identity(), "main"), "the world")
 
     def _unknown(self, node: Node, parent: str) -> RobotFileError:
         problem = f"<{node.tag[:40]}> in <{parent}> is unknown: correct or remove it"
@@ -290,22 +290,20 @@ class _MjcfReader:
         )
         return name
 
-    def _children(self, node: Node, at: _Carried, what: str, moved: list[Node]) -> None:
-        """Add what a body holds; ``moved``: its joints, which `_body` has added."""
+    def _children(self, node: Node, at: _Carried, what: str) -> None:
+        """Add what a body holds, but for its joints."""
         self.source.refuse_if(at.depth > MAX_DEPTH, f"{what}: bodies are nested too deeply", node)
         for child in node.children:
             match child.tag:
                 case "body":
                     self._body(child, at)
                 case "frame":
-                    self._children(child, self._within(child, at), what, moved)
+                    self._children(child, self._within(child, at), what)
                 case "site":
                     self._site(child, at)
-                case "joint" | "freejoint":
+                case "joint" | "freejoint":  # of a body they are added before all else
                     self.source.refuse_if(
-                        not any(child is joint for joint in moved),
-                        f"{what} cannot move: remove its joint",
-                        child,
+                        not at.joint, f"{what} cannot move: remove its joint", child
                     )
                 case "replicate" if not any(n.tag in _MAKE_POSES for n in [*child.walk()][1:]):
                     pass
@@ -331,14 +329,13 @@ class _MjcfReader:
     def _body(self, node: Node, at: _Carried) -> None:
         within = self._within(node, at)
         name = self._name(node, "body")
-        joint, pose, moved = at.joint, within.pose, []
+        joint, pose = at.joint, within.pose
         for element, frame, childclass in self._joints(node, pin.SE3.Identity(), within.childclass):
-            moved.append(element)
             joint, pose = self._joint(element, frame, childclass, joint, pose, at)
             at = replace(at, frame=self.model.nframes - 1)
         index = self._framed(name, replace(at, joint=joint), pose, pin.FrameType.BODY)
         inner = replace(within, joint=joint, frame=index, pose=pose)
-        self._children(node, inner, f"body {show(name)}", moved)
+        self._children(node, inner, f"body {show(name)}")
 
     def _framed(self, name: str, at: _Carried, pose: pin.SE3, kind: pin.FrameType) -> int:
         return int(self.model.addFrame(pin.Frame(name, at.joint, at.frame, pose, kind), False))
