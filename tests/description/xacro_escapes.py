@@ -196,10 +196,10 @@ class Ask:
 
     def __call__(self, kind: str, text: str) -> dict[str, Any]:
         if kind == "find":
-            return {"folder": None}
+            return {"found": None}
         if kind == "read" and text in self.files:
-            return {"text": self.files[text]}
-        return {"problem": f"{text} is out of reach"} if kind == "read" else {"names": []}
+            return {"found": self.files[text]}
+        return {"problem": f"{text} is out of reach"} if kind == "read" else {"found": []}
 
 
 def main(plain: bool) -> None:

@@ -35,7 +35,7 @@ from typing import Any
 from pinsing.description import child_jail
 from pinsing.description.ros_packages import LARGEST, PackageIndex
 from pinsing.description.xml_tree import MAX_BYTES, Node
-from pinsing.errors import RobotFileError
+from pinsing.errors import Refusal, RobotFileError
 
 _MOST_BYTES = 64 << 20
 _MOST_FILES = 5000
@@ -48,17 +48,20 @@ MORE_SHOWN = "PINSING_XACRO_ENV"
 """The variable by which a user names more of them, separated by commas."""
 
 
-def _variable(name: str) -> dict[str, Any]:
-    """Value of an environment variable, ``hidden`` where it is not for files, or ``unset``."""
-    if name not in os.environ:
-        return {"unset": True}
+class _Denied(Refusal):
+    """What a file may not have, and why."""
+
+
+def _variable(name: str) -> str | None:
+    """Value of an environment variable that files may see; None where it is not set."""
     named = [word.strip() for word in os.environ.get(MORE_SHOWN, "").split(",")]
-    if any(fnmatch.fnmatchcase(name, pattern) for pattern in (*SHOWN, *named) if pattern):
-        return {"value": os.environ[name]}
-    return {
-        "problem": f"the environment variable {name!r} is not shown to files: set "
-        f"{MORE_SHOWN}={name} if this one may read it"
-    }
+    shown = any(fnmatch.fnmatchcase(name, pattern) for pattern in (*SHOWN, *named) if pattern)
+    _Denied.refuse_if(
+        name in os.environ and not shown,
+        f"the environment variable {name!r} is not shown to files: set "
+        f"{MORE_SHOWN}={name} if this one may read it",
+    )
+    return os.environ.get(name)
 
 
 class XacroFiles:
@@ -69,33 +72,38 @@ class XacroFiles:
         self._left, self._questions = _MOST_BYTES, _MOST_FILES
 
     def answer(self, question: dict[str, Any]) -> dict[str, Any]:
-        """Return what a question asks for, or ``problem`` or ``missing`` with the reason."""
-        self._questions -= 1
-        if self._questions < 0:
-            return {"problem": f"more than {_MOST_FILES} files are asked for"}
+        """Return what was ``found``, or ``problem`` or ``missing`` with the reason."""
         text = str(question.get("text", ""))
-        if "\0" in text:
-            return {"problem": "a file name holds a null character"}
-        if (kind := question.get("ask")) == "env":
-            return _variable(text)
-        if kind == "find":
-            folder = self.index.find(text)
-            return {"folder": None if folder is None else str(folder)}
         try:
-            return self._found(text) if kind == "glob" else self._content(Path(text))
+            return {"found": self._found(str(question.get("ask")), text)}
+        except _Denied as problem:
+            return {"problem": str(problem)}
         except OSError as error:
             return {"missing": error.strerror or "cannot be read", "errno": error.errno}
         except RuntimeError:  # links in a ring
             return {"problem": f"{text} cannot be read"}
 
-    def _found(self, pattern: str) -> dict[str, Any]:
+    def _found(self, kind: str, text: str) -> Any:
+        self._questions -= 1
+        _Denied.refuse_if(self._questions < 0, f"more than {_MOST_FILES} files are asked for")
+        _Denied.refuse_if("\0" in text, "a file name holds a null character")
+        match kind:
+            case "env":
+                return _variable(text)
+            case "find":
+                folder = self.index.find(text)
+                return None if folder is None else str(folder)
+            case "glob":
+                return self._names(text)
+        return self._content(Path(text))
+
+    def _names(self, pattern: str) -> list[str]:
         # The fixed part of the pattern: whatever the rest finds lies below it.
         fixed = re.split(r"[*?\[]", pattern, maxsplit=1)[0]
-        if ".." in pattern[len(fixed) :].split("/"):
-            return {"problem": f"{pattern} leads upward after a wildcard"}
-        if self._real(Path(os.path.dirname(fixed))) is None:
-            return {"problem": self._outside(pattern)}
+        upward = ".." in pattern[len(fixed) :].split("/")
+        _Denied.refuse_if(upward, f"{pattern} leads upward after a wildcard")
         start = os.path.dirname(fixed)
+        _Denied.refuse_if(self._real(Path(start)) is None, self._outside(pattern))
         parts = [part for part in pattern[len(start) :].split("/") if part]
         folders, steps = [start], 0
         for depth, part in enumerate(parts):
@@ -106,8 +114,9 @@ class XacroFiles:
                 except OSError:
                     continue
                 steps += 1 + len(names)
-                if steps > _MOST_STEPS:
-                    return {"problem": f"{pattern} looks at more than {_MOST_STEPS} files"}
+                _Denied.refuse_if(
+                    steps > _MOST_STEPS, f"{pattern} looks at more than {_MOST_STEPS} files"
+                )
                 for name in names:
                     path = os.path.join(folder, name)
                     hidden = name[0] == "." != part[0]
@@ -120,26 +129,25 @@ class XacroFiles:
                     elif os.path.isdir(path) and self._real(Path(path)) is not None:
                         below.setdefault(os.path.realpath(path), path)
             folders = list(below.values())
-        if len(folders) > _MOST_FILES:
-            return {"problem": f"{pattern} finds more than {_MOST_FILES} files"}
-        return {"names": sorted(folders)}
+        many = len(folders) > _MOST_FILES
+        _Denied.refuse_if(many, f"{pattern} finds more than {_MOST_FILES} files")
+        return sorted(folders)
 
-    def _content(self, path: Path) -> dict[str, Any]:
+    def _content(self, path: Path) -> str:
         if (real := self._real(path)) is None:
-            return {"problem": self._outside(str(path))}
-        if real.exists() and not real.is_file():
-            return {"problem": f"{path} is not a plain file"}
+            raise _Denied(self._outside(str(path)))
+        _Denied.refuse_if(real.exists() and not real.is_file(), f"{path} is not a plain file")
         with real.open("rb") as stream:
             data = stream.read(self.largest + 1)
-        if len(data) > self.largest:
-            return {"problem": f"{path} is larger than {self.largest // 2**20} MiB"}
+        most = f"{self.largest // 2**20} MiB"
+        _Denied.refuse_if(len(data) > self.largest, f"{path} is larger than {most}")
         self._left -= len(data)
-        if self._left < 0:
-            return {"problem": f"more than {_MOST_BYTES // 2**20} MiB of files are asked for"}
+        most = f"{_MOST_BYTES // 2**20} MiB"
+        _Denied.refuse_if(self._left < 0, f"more than {most} of files are asked for")
         try:
-            return {"text": data.decode("utf-8")}
+            return data.decode("utf-8")
         except UnicodeDecodeError:
-            return {"problem": f"{path} is not UTF-8 text"}
+            raise _Denied(f"{path} is not UTF-8 text") from None
 
     def _real(self, path: Path) -> Path | None:
         """Return where a path leads, None where that may not be read."""

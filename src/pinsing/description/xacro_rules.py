@@ -375,40 +375,43 @@ class Rules:
 
     # Files --------------------------------------------------------------------------
 
-    def asked(self, kind: str, text: Any) -> dict[str, Any]:
-        """Return what the parent answers; what it does not allow is refused."""
+    def asked(self, kind: str, text: Any) -> Any:
+        """Return what the parent has found; what it does not allow is refused."""
         answer = self.ask(kind, text_of(text))
         Refused.refuse_if("problem" in answer, answer.get("problem", ""))
-        return answer
+        if "missing" in answer:
+            raise OSError(answer["errno"], answer["missing"], text)
+        return answer["found"]
 
     def read(self, filename: str) -> str:
         """Return the text of a file, by the parent's leave."""
-        answer = self.asked("read", filename)
-        if "missing" in answer:
-            raise OSError(answer["errno"], answer["missing"], filename)
-        text: str = answer["text"]
+        text: str = self.asked("read", filename)
         self.places.texts[filename] = text
         return text
 
     def find_files(self, pattern: str) -> list[str]:
         """Return the files that a pattern with wildcards stands for."""
-        return list(self.asked("glob", pattern).get("names", ()))
+        try:
+            return list(self.asked("glob", pattern))
+        except OSError:
+            return []
 
     def find_package(self, name: str) -> str:
         """Return the folder of a package."""
-        if (folder := self.asked("find", name)["folder"]) is None:
+        if (folder := self.asked("find", name)) is None:
             raise Refused(f"package {name!r} not found: give its folder with --package {name}=DIR")
         return str(folder)
 
     def variable(self, name: str) -> str:
         """Return an environment variable, as far as the parent shows it."""
-        if (found := self.optional_variable(name, None)) is None:
+        if (found := self.asked("env", name)) is None:
             raise Refused(f"environment variable {name!r} is not set")
         return str(found)
 
     def optional_variable(self, name: str, default: Any = "") -> Any:
         """Return an environment variable, or something else where it is not set."""
-        return self.asked("env", name).get("value", default)
+        found = self.asked("env", name)
+        return default if found is None else found
 
     def parse(self, content: Any, filename: str | None = None) -> Any:
         """Return the document of a file."""
