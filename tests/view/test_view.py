@@ -373,21 +373,20 @@ def test_the_command_leaves_nothing_behind_when_killed(kill: signal.Signals) -> 
 def test_ctrl_c_between_the_address_and_the_page(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A page that is asked for answers before its command has gone on: it may be ended there.
-
-    Before that, listening to the network is warned about.
-    """
+    """A page answers before its command has gone on, and warns: it may be ended there."""
     import click
 
-    from pinsing.cli import serving
+    from pinsing.cli import output
     from pinsing.cli.app import main
 
-    def interrupted(url: str) -> None:
-        assert is_free(url) is False
-        raise KeyboardInterrupt
+    def interrupted(text: str, err: bool = False) -> None:
+        if not err:
+            assert is_free(text) is False
+            raise KeyboardInterrupt
+        click.echo(text, err=True)
 
-    words = SimpleNamespace(echo=interrupted, exceptions=click.exceptions)
-    monkeypatch.setattr(serving, "click", words)
+    words = SimpleNamespace(**{**vars(click), "echo": interrupted})
+    monkeypatch.setattr(output, "click", words)
     with pytest.raises(SystemExit) as end:
         main(["view", "scara", "--no-open", "--skeleton", "--host", "0.0.0.0"])
     assert end.value.code == 0

@@ -43,7 +43,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "view": ("view", "Show singular poses and velocity ellipsoids in a browser."),
     "plot": ("plot", "Draw curves, maps and ellipsoids."),
     "report": ("report", "Write a self-contained report."),
-    "export": ("export", "Export a guard as C or Python, or a DH table as URDF."),
+    "export": ("families", "Export a guard as C or Python, or a DH table as URDF."),
     "verify": ("families", "Check certificates."),
     "list": ("robots", "List the known robots, or show how one is interpreted."),
 }

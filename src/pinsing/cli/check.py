@@ -32,9 +32,8 @@ from pinsing.cli.options import (
     told_degrees,
     typed_speeds,
 )
-from pinsing.cli.output import emit_json, emit_lines, followed, off_screen, save_figure, say
+from pinsing.cli.output import emit_json, emit_lines, followed, off_screen, save_figure, say, show
 from pinsing.cli.running import doing, run_progress
-from pinsing.cli.serving import show
 from pinsing.cli.zones import zones_option
 from pinsing.errors import ConfigurationError, OptionError
 

@@ -307,8 +307,8 @@ def view_loops(
     **options: Any,
 ) -> None:
     """Open or write a page in which inputs are dragged, or a picture (``panel``: of the page)."""
+    from pinsing.cli.output import picture_size, served_ahead, stay, write_files
     from pinsing.cli.running import waiting
-    from pinsing.cli.serving import picture_size, served_ahead, stay, write_files
 
     picture = picture_size(size)
     OptionError.refuse_if(
@@ -352,7 +352,7 @@ def view_loops(
 
 def _saved(path: Path, mechanism: Mechanism) -> MechanismAnalysis:
     """Return what ``analyze --loops -o FILE.json`` wrote, of the same mechanism."""
-    from pinsing.cli.serving import read_json
+    from pinsing.cli.output import read_json
     from pinsing.loops import MechanismAnalysis
 
     data = read_json(path)

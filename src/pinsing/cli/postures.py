@@ -18,9 +18,8 @@ from pinsing.cli.options import (
     output_option,
     parse_numbers,
 )
-from pinsing.cli.output import emit_json, emit_lines
+from pinsing.cli.output import emit_json, emit_lines, show
 from pinsing.cli.running import doing
-from pinsing.cli.serving import show
 
 _ignore_limits = click.option("--ignore-limits", is_flag=True, help="Ignore joint limits.")
 

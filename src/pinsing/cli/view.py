@@ -25,9 +25,16 @@ from pinsing.cli.options import (
     parse_numbers,
     told_degrees,
 )
-from pinsing.cli.output import followed, say
+from pinsing.cli.output import (
+    followed,
+    picture_size,
+    read_json,
+    say,
+    served_ahead,
+    stay,
+    write_files,
+)
 from pinsing.cli.running import waiting
-from pinsing.cli.serving import picture_size, read_json, served_ahead, stay, write_files
 from pinsing.cli.zones import zones_option
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 

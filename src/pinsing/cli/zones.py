@@ -20,9 +20,8 @@ from pinsing.cli.options import (
     tip_speed_options,
     typed_speeds,
 )
-from pinsing.cli.output import emit_json, emit_lines
+from pinsing.cli.output import emit_json, emit_lines, read_json
 from pinsing.cli.running import waiting
-from pinsing.cli.serving import read_json
 from pinsing.errors import OptionError, ResultError
 
 if TYPE_CHECKING:
