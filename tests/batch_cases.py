@@ -66,11 +66,9 @@ def flat(model: pin.Model, frame: str) -> Chain:
         sliding.append(prismatic)
         before = turned
     tip = model.frames[model.getFrameId(frame)].placement
-    return Chain(
-        np.array([*R, before.T @ tip.rotation]),
-        np.array([*t, before.T @ tip.translation]),
-        np.array(sliding),
-    )
+    R.append(before.T @ tip.rotation)
+    t.append(before.T @ tip.translation)
+    return Chain(np.array(R), np.array(t), np.array(sliding))
 
 
 def robot(path: str, locked: tuple[str, ...] = ()) -> pin.Model:
@@ -81,11 +79,8 @@ def robot(path: str, locked: tuple[str, ...] = ()) -> pin.Model:
 
 
 UR5 = ("ur_description/urdf/ur5_robot.urdf", "tool0", ())
-PANDA = (
-    "panda_description/urdf/panda.urdf",
-    "panda_hand_tcp",
-    ("panda_finger_joint1", "panda_finger_joint2"),
-)
+_FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
+PANDA = ("panda_description/urdf/panda.urdf", "panda_hand_tcp", _FINGERS)
 
 
 def low_rank(rng: np.random.Generator, N: int, m: int, n: int, rank: int) -> np.ndarray:

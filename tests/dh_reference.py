@@ -43,28 +43,16 @@ def read(path: Path) -> Reference:
     if "tool" in raw:
         spec = raw["tool"]
         if "alpha" in spec:
-            tool = row_matrix(
-                raw["convention"],
-                number(spec["alpha"]) * angle,
-                number(spec["a"]) * length,
-                number(spec["d"]) * length,
-                number(spec["theta"]) * angle,
-            )
+            units = {"alpha": angle, "a": length, "d": length, "theta": angle}
+            of_row = (number(spec[key]) * unit for key, unit in units.items())
+            tool = row_matrix(raw["convention"], *of_row)
         else:
             roll, pitch, yaw = (number(x) * angle for x in spec.get("rpy", (0, 0, 0)))
             tool = rot("z", yaw) @ rot("y", pitch) @ rot("x", roll)
             tool[:3, 3] = [number(x) * length for x in spec.get("xyz", (0, 0, 0))]
-    return Reference(
-        raw["convention"],
-        column("alpha", angle),
-        column("a", length),
-        column("d", length),
-        column("theta", angle),
-        sliding,
-        limits[:, 0] * unit,
-        limits[:, 1] * unit,
-        tool,
-    )
+    columns = (column("alpha", angle), column("a", length), column("d", length))
+    limits = (limits * unit[:, None]).T
+    return Reference(raw["convention"], *columns, column("theta", angle), sliding, *limits, tool)
 
 
 def number(value: float | str) -> float:
@@ -94,22 +82,10 @@ def rot(axis: str, angle: float) -> np.ndarray:
 def row_matrix(convention: str, alpha: float, a: float, d: float, theta: float) -> np.ndarray:
     ct, st, ca, sa = np.cos(theta), np.sin(theta), np.cos(alpha), np.sin(alpha)
     if convention == "standard":  # Paul 1981
-        return np.array(
-            [
-                [ct, -st * ca, st * sa, a * ct],
-                [st, ct * ca, -ct * sa, a * st],
-                [0, sa, ca, d],
-                [0, 0, 0, 1],
-            ]
-        )
-    return np.array(  # Craig 1986, Eq. (3.6)
-        [
-            [ct, -st, 0, a],
-            [st * ca, ct * ca, -sa, -sa * d],
-            [st * sa, ct * sa, ca, ca * d],
-            [0, 0, 0, 1],
-        ]
-    )
+        rows = [ct, -st * ca, st * sa, a * ct], [st, ct * ca, -ct * sa, a * st], [0, sa, ca, d]
+    else:  # Craig 1986, Eq. (3.6)
+        rows = [ct, -st, 0, a], [st * ca, ct * ca, -sa, -sa * d], [st * sa, ct * sa, ca, ca * d]
+    return np.array([*rows, [0, 0, 0, 1]])
 
 
 def frames(table: Reference, q: np.ndarray) -> list[np.ndarray]:
@@ -117,16 +93,8 @@ def frames(table: Reference, q: np.ndarray) -> list[np.ndarray]:
     T = [np.eye(4)]
     for i in range(table.n):
         slide, turn = (q[i], 0.0) if table.sliding[i] else (0.0, q[i])
-        T.append(
-            T[-1]
-            @ row_matrix(
-                table.convention,
-                table.alpha[i],
-                table.a[i],
-                table.d[i] + slide,
-                table.theta[i] + turn,
-            )
-        )
+        row = (table.alpha[i], table.a[i], table.d[i] + slide, table.theta[i] + turn)
+        T.append(T[-1] @ row_matrix(table.convention, *row))
     T.append(T[-1] @ table.tool)
     return T
 

@@ -53,9 +53,8 @@ class TestProcess:
         assert (done.returncode, done.stderr) == (0, "\npinsing.cli.robots\n")
 
     def test_results_and_messages_do_not_mix(self):
-        done = python(
-            "-m", "pinsing", *["at", "ur5", "--q", "0,-1,1,0,0,0", "--no-distances", "-o", "-"]
-        )
+        words = ["at", "ur5", "--q", "0,-1,1,0,0,0", "--no-distances", "-o", "-"]
+        done = python("-m", "pinsing", *words)
         assert done.returncode == 0
         assert json.loads(done.stdout)["schema"] == "pinsing/state/1"
         assert "note: tip tool0 (" in done.stderr

@@ -86,13 +86,19 @@ def test_names_from_a_file_do_not_reach_the_shell(tmp_path):
     assert set(offered(f"families {path} --tip ")) <= {"base", "ok_link"}
 
 
+def shell(folder: Path, words: list[str], **more: str) -> str:
+    """What a command prints where `pinsing` is on the path."""
+    program = folder / "pinsing"
+    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m pinsing "$@"\n')
+    program.chmod(0o755)
+    env = {**os.environ, "PATH": f"{folder}:{os.environ['PATH']}", **more}
+    return subprocess.run(words, capture_output=True, text=True, env=env).stdout
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
 def test_bash(tmp_path):
     """The script that README has people put into ~/.bashrc, in a real bash."""
-    program = tmp_path / "pinsing"
-    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m pinsing "$@"\n')
-    program.chmod(0o755)
     script = """
 eval "$(_PINSING_COMPLETE=bash_source pinsing)"
 complete -p pinsing
@@ -102,23 +108,17 @@ for line in "pinsing analyze ur5 --tip wri" "pinsing families pum"; do
   echo "= ${COMPREPLY[*]}"
 done
 """
-    env = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"}
-    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, env=env)
-    assert "-F _pinsing_completion pinsing" in done.stdout
-    assert "= wrist_1_link wrist_2_link wrist_3_link\n" in done.stdout
-    assert "= puma560\n" in done.stdout
+    said = shell(tmp_path, ["bash", "-c", script])
+    assert "-F _pinsing_completion pinsing" in said
+    assert "= wrist_1_link wrist_2_link wrist_3_link\n" in said
+    assert "= puma560\n" in said
 
 
 def test_fish_takes_values_with_commas_whole(tmp_path):
-    program = tmp_path / "pinsing"
-    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m pinsing "$@"\n')
-    program.chmod(0o755)
-    env = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"}
-    ask = {**env, "_PINSING_COMPLETE": "fish_source"}
-    source = subprocess.run([program], capture_output=True, text=True, env=ask).stdout
+    source = shell(tmp_path, ["pinsing"], _PINSING_COMPLETE="fish_source")
     assert source.count('(string split --max 1 "," $completion)') == 1
     if shutil.which("fish") is None:
         return
     script = source + '\ncomplete -C "pinsing families ur5 --joints elbow_joint,wrist_1"'
-    done = subprocess.run(["fish", "-c", script], capture_output=True, text=True, env=env)
-    assert done.stdout.split("\t")[0] == "elbow_joint,wrist_1_joint"
+    said = shell(tmp_path, ["fish", "-c", script])
+    assert said.split("\t")[0] == "elbow_joint,wrist_1_joint"

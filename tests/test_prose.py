@@ -47,18 +47,13 @@ def in_terminal(width: int, *words: str, **environment: str) -> str:
         env={**env, "TERM": "xterm-256color", **environment},
     )
     os.close(slave)
-    parts = []
-    while True:
-        try:
-            part = os.read(master, 65536)
-        except OSError:  # the other end is closed
-            break
-        if not part:
-            break
-        parts.append(part)
+    text = b""
+    with contextlib.suppress(OSError):  # until the other end is closed
+        while part := os.read(master, 65536):
+            text += part
     os.close(master)
     child.wait(60)
-    text = b"".join(parts).decode().replace("\r\n", "\n")
+    text = text.decode().replace("\r\n", "\n")
     return re.sub(r"(?m)^.*\r\x1b\[K", "", text)  # a bar that was drawn over
 
 
@@ -82,9 +77,7 @@ class TestPage:
         assert Page.of(io.StringIO()).width == 100
 
     def test_colours_take_no_room_and_change_no_break(self):
-        words = [
-            x for k in range(30) for x in (alarm("SINGULAR"), f": rank {k} ", good("complete"))
-        ]
+        words = [alarm("SINGULAR"), ": rank 5 ", good("complete")] * 30
         plain = Page(70).paragraph(*words)
         painted = Page(70, colour=True).paragraph(*words)
         assert "\x1b" not in plain
@@ -100,17 +93,10 @@ class TestPage:
         assert safe("\x1b[2J", painted=True) == "\\x1b[2J"
 
     def test_finished_lines_are_wrapped_under_their_beginning(self):
-        text = (
-            "  12  one two three four five\n      --q 1,2,3 and so on and on\n"
-            "SINGULAR: one two three\nshort"
-        )
-        assert Page(28).fitted(text).split("\n") == [
-            "  12  one two three four",
-            "      five",
-            "      --q 1,2,3 and so on and on",
-            "SINGULAR: one two three",
-            "short",
-        ]
+        first, *rest = "  12  one two three four", "      --q 1,2,3 and so on and on"
+        rest += ["SINGULAR: one two three", "short"]
+        text = "\n".join([f"{first} five", *rest])
+        assert Page(28).fitted(text).split("\n") == [first, "      five", *rest]
         assert "\n  three" in Page(22).fitted(text)
         painted = Page(28, colour=True).fitted(text)
         assert "\x1b[1;31mSINGULAR\x1b[0m: one" in painted

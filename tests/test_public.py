@@ -35,13 +35,10 @@ def test_every_public_name_is_there(package):
         assert name in dir(module)
 
 
-@pytest.mark.parametrize(
-    "first",
-    tiered(
-        ["pinsing.sampling.analyze", "pinsing.kinematics.refine", "pinsing.families"],
-        ("pinsing.kinematics.refine",),
-    ),
-)
+FIRST = ["pinsing.sampling.analyze", "pinsing.kinematics.refine", "pinsing.families"]
+
+
+@pytest.mark.parametrize("first", tiered(FIRST, FIRST[1:2]))
 def test_modules_do_not_shadow_functions(first):
     """Whatever was imported before: pinsing.kinematics.refine is the function."""
     code = (

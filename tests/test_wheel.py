@@ -9,6 +9,7 @@ import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -25,12 +26,9 @@ DROPPED = ("CC", "CXX", "PINSING_REQUIRE_ENGINE", "PYTHONPATH", "VIRTUAL_ENV", "
 pytestmark = pytest.mark.slow
 
 
-def run(
-    words: list[object], bare: dict[str, str], folder: Path
-) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [str(w) for w in words], capture_output=True, text=True, env=bare, cwd=folder, timeout=1200
-    )
+def run(words: list[object], bare: dict[str, str], folder: Path) -> Any:
+    options = {"capture_output": True, "text": True, "timeout": 1200}
+    return subprocess.run([*map(str, words)], env=bare, cwd=folder, **options)
 
 
 def bare(folder: Path) -> dict[str, str]:
@@ -101,32 +99,24 @@ rows:
   - {alpha: 0, a: 1.5, d: 0, theta: 0, type: revolute, limits: [-180, 180]}
 """
 Q, OTHER = "0,-1,1,0,1,0", "0.3,-1.2,1.2,0,0.8,0"
-CALLS = (
-    *("list ur5", "list", "at ur5 --q " + Q),
-    *("analyze planar3r", "analyze five_bar --loops", "families ur5 -o proof.cert.json"),
-    *("families planar_3rrr --loops", "verify proof.cert.json", "analyze planar3r --sweep"),
-    *("map ur5 --count 1000", "map five_bar --loops --count 1000", "at ur5 --suggest"),
-    "zones planar3r --joint-speeds 2,2,2",
-    *("check ur5 path.csv", f"line ur5 --q {Q} --to 0.3,0.2,0.5", "postures scara --aspects"),
-    *(
-        f"postures ur5 --q {Q}",
-        "postures scara --cuspidal --poses 2",
-        "export ur5 -o guard.h -o guard.py",
-    ),
-    *("view stanford -o arm.html", "view five_bar --loops -o five_bar.html"),
-    *("report planar3r -o arm.report.html", "report planar_3rrr --loops -o loops.report.html"),
+CALLS = [
+    "list ur5", "list", "at ur5 --q " + Q, "analyze planar3r", "analyze five_bar --loops",
+    "families ur5 -o proof.cert.json", "families planar_3rrr --loops", "verify proof.cert.json",
+    "analyze planar3r --sweep", "map ur5 --count 1000", "map five_bar --loops --count 1000",
+    "at ur5 --suggest", "zones planar3r --joint-speeds 2,2,2", "check ur5 path.csv",
+    f"line ur5 --q {Q} --to 0.3,0.2,0.5", "postures scara --aspects", f"postures ur5 --q {Q}",
+    "postures scara --cuspidal --poses 2", "export ur5 -o guard.h -o guard.py",
+    "view stanford -o arm.html", "view five_bar --loops -o five_bar.html",
+    "report planar3r -o arm.report.html", "report planar_3rrr --loops -o loops.report.html",
     f"export {ROOT / 'urdf/scara.dh.yaml'} -o scara.urdf",
-    "path ur5 poses.csv --free roll --step 30",
-    *("plot curves stanford", "plot map scara --over q1,q2", "plot ellipsoids ur5"),
-    *("plot locus ur5 --family F3", f"plot along ur5 --q={Q} --q={OTHER}"),
-    *(
-        "plot workspace planar3r --task position",
-        "plot aspects ur5 --over elbow_joint,wrist_2_joint",
-    ),
-    *("plot solutions arm.dh.yaml --task position", "plot curves five_bar --loops"),
-    *("plot map planar_3rpr --loops", "plot map delta --loops", "plot map five_bar --loops"),
-    *("plot map four_bar --loops", "plot ellipsoids delta --loops", "plot modes five_bar --loops"),
-)
+    "path ur5 poses.csv --free roll --step 30", "plot curves stanford",
+    "plot map scara --over q1,q2", "plot ellipsoids ur5", "plot locus ur5 --family F3",
+    f"plot along ur5 --q={Q} --q={OTHER}", "plot workspace planar3r --task position",
+    "plot aspects ur5 --over elbow_joint,wrist_2_joint",
+    "plot solutions arm.dh.yaml --task position", "plot curves five_bar --loops",
+    "plot map planar_3rpr --loops", "plot map delta --loops", "plot map five_bar --loops",
+    "plot map four_bar --loops", "plot ellipsoids delta --loops", "plot modes five_bar --loops",
+]  # fmt: skip
 """Every command, and every kind of plot, for arms and for mechanisms."""
 
 
@@ -162,9 +152,8 @@ def test_a_wheel_and_the_demo_run_where_there_is_no_compiler(tmp_path):
     place = tree / ".venv"
     made = run([alone["PYTHON"], "-m", "venv", place], alone, tree)
     assert made.returncode == 0, made.stderr
-    done = run(
-        [place / "bin/python", "-m", "pip", "install", "-q", "--no-compile", wheel], alone, tree
-    )
+    install = [place / "bin/python", "-m", "pip", "install", "-q", "--no-compile", wheel]
+    done = run(install, alone, tree)
     assert done.returncode == 0, done.stderr
     runs(place / "bin/pinsing", alone, tmp_path / "elsewhere")
     every_command_runs(place / "bin/pinsing", alone, tmp_path / "elsewhere")
