@@ -341,6 +341,13 @@ class Ring:
         joint = min(self.joints_of(factor), default=-1)
         return -joint, len(factor), -next((v for v, e in enumerate(factor.degrees()) if e), 0)
 
+    def fixing(self, joint: int, value: Value) -> Poly:
+        """The polynomial that is zero where a joint is at an exact value, and nowhere else."""
+        x, *y = (self.context.gens()[v] for v in self.variables(joint))
+        if not y:
+            return x - self.number(value[0])
+        return x * self.number(value[1]) - y[0] * self.number(value[0])
+
     def joint_value(self, poly: Poly) -> tuple[int, Value] | None:
         """The exact value that ``poly`` = 0 fixes one joint at, if it does just that."""
         # Terms that a polynomial over the rationals has at most that fixes a joint's value.

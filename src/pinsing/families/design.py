@@ -662,19 +662,9 @@ def _joined(group: Sequence[Component], ring: Ring) -> list[list[list[Poly]]]:
     values = [list(dict.fromkeys(c.values[j] for c in group)) for j in joints]
     relations = [[p] for p in group[0].relations]
     if math.prod(len(v) for v in values) == len(group):
-        each = [
-            [_at_value(j, v, ring) for v in some] for j, some in zip(joints, values, strict=True)
-        ]
+        each = [[ring.fixing(j, v) for v in some] for j, some in zip(joints, values, strict=True)]
         return [each + relations]
-    return [[[_at_value(j, c.values[j], ring)] for j in joints] + relations for c in group]
-
-
-def _at_value(joint: int, value: Any, ring: Ring) -> Poly:
-    gens, variables = ring.context.gens(), ring.variables(joint)
-    if ring.prismatic[joint]:
-        return gens[variables[0]] - ring.number(value[0])
-    x, y = (gens[v] for v in variables)
-    return x * ring.number(value[1]) - y * ring.number(value[0])
+    return [[[ring.fixing(j, c.values[j])] for j in joints] + relations for c in group]
 
 
 def _product(polys: Sequence[Poly]) -> Poly:

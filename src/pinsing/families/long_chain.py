@@ -31,7 +31,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -41,16 +40,16 @@ from pinsing._types import Array, Bool
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component, FoundComponents, inside
 from pinsing.algebra.conditions import Branch
-from pinsing.algebra.generic_points import Powers, Residues
+from pinsing.algebra.generic_points import Residues
 from pinsing.algebra.mimic import own_jacobian_modulo
 from pinsing.algebra.minors import NearMinors, NotSquare
-from pinsing.algebra.ring import Poly, Ring, Value
-from pinsing.families.modular_chain import value_modulo
+from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value, coefficients_by
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.zero_set import gradients, project, residuals
 from pinsing.kinematics.jacobian import task_jacobians
 from pinsing.kinematics.verdict import ratios
 from pinsing.robot.nominal import PRIMES, Nominal
+from pinsing.robot.surd import residue
 from pinsing.robot.task import Task
 
 _TRIES = 4
@@ -58,17 +57,17 @@ _TRIES = 4
 
 Order = tuple[tuple[Poly, int], ...]
 """Equations, and the joint that each is solved for."""
-ByPower = list[list[tuple[int, Powers]]]
 At = dict[int, tuple[int, ...]]
 """Half-angle coordinates (x, y) of joints, or their lengths, modulo a prime."""
+Columns = Sequence[Sequence[int]]
 
 
 @dataclass(frozen=True, eq=False)
 class ModularPoint:
     """A configuration modulo a prime."""
 
-    at: At  # values of all joints
-    rows: list[list[int]]  # task rows of the Jacobian there
+    values: list[int]  # of the ring's variables
+    rows: Columns  # task rows of the Jacobian there
     residues: Residues  # images of polynomials
 
     def rank(self, columns: Sequence[int]) -> int:
@@ -77,29 +76,12 @@ class ModularPoint:
 
     def is_zero(self, poly: Poly) -> bool:
         """Return True if a polynomial vanishes there."""
-        prime = self.residues.prime
-        total = 0
-        for monomial, c in self.residues.terms(poly):
-            for v, e in monomial:
-                c = c * pow(self._variables[v], e, prime) % prime
-            total += c
-        return total % prime == 0
+        return int(self.residues.of(poly)(*self.values)) == 0
 
-    def has(self, joint: int, value: Value) -> bool:
-        """Return True if a joint is at an exact value."""
-        here, there = self.at[joint], value_modulo(value, self.residues.prime)
-        if len(here) == 1 or not there:
-            return here == there
-        return (here[0] * there[1] - here[1] * there[0]) % self.residues.prime == 0
-
-    @cached_property
-    def _variables(self) -> list[int]:
-        ring = self.residues.ring
-        out = [0] * ring.nvars
-        for j, values in self.at.items():
-            for v, value in zip(ring.variables(j), values, strict=True):
-                out[v] = value
-        return out
+    def on(self, component: Component) -> bool:
+        """Return True if it lies on a component."""
+        held = itertools.starmap(self.residues.ring.fixing, component.values.items())
+        return all(map(self.is_zero, itertools.chain(held, component.relations)))
 
 
 class ModularPoints:
@@ -108,8 +90,7 @@ class ModularPoints:
     def __init__(self, geometry: Nominal, task: Task, ring: Ring, seed: int) -> None:
         self.geometry, self.task, self.ring = geometry, task, ring
         self._draw = random.Random(seed)
-        self._variables = [ring.variables(j) for j in range(len(ring.prismatic))]
-        self._sorted: dict[tuple[int, int, int], tuple[Poly, ByPower]] = {}
+        self._lines = MadeOnce()
         self._residues = [Residues(ring, prime) for prime in PRIMES]
 
     def points(
@@ -122,47 +103,42 @@ class ModularPoints:
         found: list[ModularPoint] = []
         for k in range(_TRIES * count):
             residues = self._residues[k % len(self._residues)]
-            at: At = {j: value_modulo(v, residues.prime) for j, v in place.items()}
+            held = {j: tuple(residue(x, residues.prime) for x in v) for j, v in place.items()}
             # Roots that are computed for one point.
-            if self._solve(order, at, residues, [400], time):
-                unset = (j for j in range(len(self.ring.prismatic)) if j not in at)
-                at |= {j: self._random(j, residues.prime) for j in unset}
-                found.append(ModularPoint(at, self._rows(at, residues.prime), residues))
+            at = self._solved(order, held, residues, iter(range(400)), time)
+            if at is not None:
+                found.append(self._point(at, residues))
             if len(found) == count or (k >= _TRIES and not found):
                 break
         return found
 
-    def _rows(self, at: At, prime: int) -> list[list[int]]:
+    def _point(self, at: At, residues: Residues) -> ModularPoint:
+        """A point, at random where joints are at no value."""
+        joints = range(len(self.ring.prismatic))
+        at = at | {j: self._random(j, residues.prime) for j in joints if j not in at}
         exact = {j: tuple(map(Fraction, values)) for j, values in at.items()}
-        return own_jacobian_modulo(self.geometry, self.task, prime, self._draw, exact)
+        rows = own_jacobian_modulo(self.geometry, self.task, residues.prime, self._draw, exact)
+        return ModularPoint([x for j in joints for x in at[j]], rows, residues)
 
-    def _solve(
-        self, order: Order, at: At, residues: Residues, left: list[int], time: Budget
-    ) -> bool:
-        """Solve all equations from some values on, or go back to others; tells whether it did."""
+    def _solved(
+        self, order: Order, at: At, residues: Residues, tries: Iterator[int], time: Budget
+    ) -> At | None:
+        """Values at which all equations vanish, going on from some; None if none were found."""
         if not order:
-            return True
+            return at
         (poly, joint), *rest = order
         unset = [j for j in self.ring.joints_of(poly) if j != joint and j not in at]
         # Times that joints of one equation are drawn: half of all quadratics have no root.
         for _ in range(4 if unset else 1):
             time.check()
-            left[0] -= 1
-            if left[0] < 0:
-                return False
-            for j in unset:
-                at[j] = self._random(j, residues.prime)
-            for root in self._roots(poly, joint, at, residues):
-                at[joint] = root
-                before = set(at)
-                if self._solve(tuple(rest), at, residues, left, time):
-                    return True
-                for j in set(at) - before:
-                    del at[j]
-            at.pop(joint, None)
-        for j in unset:
-            del at[j]
-        return False
+            if next(tries, None) is None:
+                return None
+            here = at | {j: self._random(j, residues.prime) for j in unset}
+            for root in self._roots(poly, joint, here, residues):
+                found = self._solved(tuple(rest), here | {joint: root}, residues, tries, time)
+                if found is not None:
+                    return found
+        return None
 
     def _random(self, joint: int, prime: int) -> tuple[int, ...]:
         drawn = self._draw.randrange(1, prime)
@@ -170,81 +146,42 @@ class ModularPoints:
 
     def _roots(self, poly: Poly, joint: int, at: At, residues: Residues) -> list[tuple[int, ...]]:
         """Values of one joint at which a polynomial vanishes, the others being given."""
-        prime = residues.prime
-        base = {
-            v: value
-            for j, values in at.items()
-            for v, value in zip(self._variables[j], values, strict=True)
-        }
-        powers: dict[tuple[int, int], int] = {}
-        flat = []
-        for terms in self._by_power(poly, joint, residues):
-            total = 0
-            for c, others in terms:
-                for one in others:
-                    if (factor := powers.get(one)) is None:
-                        factor = powers[one] = pow(base[one[0]], one[1], prime)
-                    c = c * factor % prime
-                total += c
-            flat.append(total % prime)
-        if not any(flat):
+        own, prime = self.ring.variables(joint), residues.prime
+        by_joint = self._lines.of(poly, lambda _: {})
+        if joint not in by_joint:
+            by_joint[joint] = coefficients_by(poly, own)
+        point = [0] * self.ring.nvars
+        for j, values in at.items():
+            for v, value in zip(self.ring.variables(j), values, strict=True):
+                point[v] = value
+        parts = by_joint[joint]
+        line = [0] * (1 + max(map(sum, parts)))
+        for powers, c in parts.items():
+            line[powers[-1]] = int(residues.of(c)(*point))
+        if not any(line):
             return []  # whatever the joint does: a point of a larger part
-        roots = [int(r) for r, _ in nmod_poly(flat, prime).roots()]
+        roots = [int(r) for r, _ in nmod_poly(line, prime).roots()]
         if self.ring.prismatic[joint]:
             values: list[tuple[int, ...]] = [(r,) for r in roots]
         else:
             values = [(1, r) for r in roots if (r * r + 1) % prime]
-            if flat[-1] == 0:
-                values.append((0, 1))
+            values += [(0, 1)] if line[-1] == 0 else []
         self._draw.shuffle(values)
         return values
-
-    def _by_power(self, poly: Poly, joint: int, residues: Residues) -> ByPower:
-        """Terms by the power of the last variable of one joint, without that joint's variables."""
-        key = (id(poly), joint, residues.prime)  # the polynomial is kept: its id stays its own
-        if key not in self._sorted:
-            own = self._variables[joint]
-            found: dict[int, list[tuple[int, Powers]]] = {}
-            degree = 0
-            for monomial, c in residues.terms(poly):
-                mine = {v: e for v, e in monomial if v in own}
-                degree = max(degree, sum(mine.values()))
-                rest = tuple((v, e) for v, e in monomial if v not in own)
-                found.setdefault(mine.get(own[-1], 0), []).append((c, rest))
-            self._sorted[key] = poly, [found.get(k, []) for k in range(degree + 1)]
-        return self._sorted[key][1]
 
 
 def solving_order(relations: Sequence[Poly], ring: Ring) -> Order | None:
     """Relations in an order in which each is solved for a joint that none before it has."""
-    left = [(r, set(ring.joints_of(r))) for r in relations]
-    first: list[tuple[Poly, int]] = []
-    last: list[tuple[Poly, int]] = []
-    known: set[int] = set()
+    left = [(r, ring.joints_of(r)) for r in relations]
+    order: list[tuple[Poly, int]] = []
     while left:
-        alone = next(((i, j - known) for i, (_, j) in enumerate(left) if len(j - known) < 2), None)
-        if alone is not None:
-            i, joints = alone
-            if not joints:
-                return None  # more relations than joints
-            first.append((left.pop(i)[0], *joints))
-            known |= joints
-            continue
-        count: dict[int, int] = {}
-        for _, joints in left:
-            for j in joints - known:
-                count[j] = count.get(j, 0) + 1
-        own = [
-            (len(js - known), i, j)
-            for i, (_, js) in enumerate(left)
-            for j in js
-            if count.get(j) == 1
-        ]
+        count = Counter(j for _, joints in left for j in joints)
+        own = [(len(js), i, j) for i, (_, js) in enumerate(left) for j in js if count[j] == 1]
         if not own:
             return None
         _, i, j = max(own)  # what is solved last may have many joints
-        last.append((left.pop(i)[0], j))
-    return (*first, *reversed(last))
+        order.append((left.pop(i)[0], j))
+    return tuple(reversed(order))
 
 
 _ON = 1e-8
@@ -293,15 +230,10 @@ class PrimePoints:
 
     def on(self, component: Component) -> bool:
         """See ``RealPoints``."""
-        return all(
-            all(p.has(j, v) for j, v in component.values.items())
-            and all(p.is_zero(r) for r in component.relations)
-            for p in self.points
-        )
+        return all(p.on(component) for p in self.points)
 
 
 MetPoints: TypeAlias = RealPoints | PrimePoints
-Columns = Sequence[Sequence[int]]
 
 
 def rank(J: Columns, columns: Sequence[int], prime: int = PRIMES[0]) -> int:
