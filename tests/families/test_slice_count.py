@@ -13,8 +13,14 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
 from pinsing.families.form import families_html, families_text
 from pinsing.families.modular_chain import ModularChain
-from pinsing.families.slice_count import Slice, SliceCount, Slices, count_on_slices
-from pinsing.families.slice_search import RandomSingular, SliceSearch
+from pinsing.families.slices import (
+    RandomSingular,
+    SliceCount,
+    SlicePoints,
+    Slices,
+    SliceSearch,
+    count_on_slices,
+)
 from pinsing.families.steps import ComponentSearch
 
 
@@ -165,11 +171,11 @@ class Told(Slices):
     """Slices of which it is told which of their points each component has, by field."""
 
     def __init__(self, **on):
-        self.on = on
+        self.told = on
 
-    def held(self, slices, component):
+    def held(self, points, component):
         name = "small" if component.values[0] == (0, 1) else "large"
-        return [np.array(self.on[name][one.prime]) for one in slices]
+        return np.array(self.told[name][points.prime])
 
 
 def test_values_that_are_the_same_over_one_field_alone_stay_apart():
@@ -177,7 +183,7 @@ def test_values_that_are_the_same_over_one_field_alone_stay_apart():
     small, large = (Component({0: v}, (), True, 1) for v in ((0, 1), (1, 0)))
     known = [small, large]
     nothing = np.zeros((2, 20), dtype=np.int64)
-    slices = [Slice(p, (0, 1), nothing, nothing) for p in (7, 11)]
+    slices = [SlicePoints(p, 1, nothing.T, nothing, nothing) for p in (7, 11)]
     every, some, none = [True] * 20, [True] * 10 + [False] * 10, [False] * 20
     for second in (none, some):  # ten points are too few to tell
         told = Told(small={7: every, 11: second}, large={7: every, 11: every})

@@ -24,7 +24,7 @@ from pinsing.families.family import (
     meaning,
     written_out,
 )
-from pinsing.families.slice_count import SliceCount
+from pinsing.families.slices import SliceCount
 from pinsing.families.system import system_text
 from pinsing.families.tube import Tube
 from pinsing.measures import SINGULAR_RTOL

@@ -45,7 +45,7 @@ from pinsing.algebra.mimic import own_jacobian_modulo
 from pinsing.algebra.minors import NearMinors, NotSquare
 from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value, coefficients_by
 from pinsing.families.pieces import PieceMaker
-from pinsing.families.zero_set import gradients, project, residuals
+from pinsing.families.zero_set import gradients, project
 from pinsing.kinematics.jacobian import task_jacobians
 from pinsing.kinematics.verdict import ratios
 from pinsing.robot.nominal import PRIMES, Nominal
@@ -151,8 +151,8 @@ class ModularPoints:
         if joint not in by_joint:
             by_joint[joint] = coefficients_by(poly, own)
         point = [0] * self.ring.nvars
-        for j, values in at.items():
-            for v, value in zip(self.ring.variables(j), values, strict=True):
+        for j, known in at.items():
+            for v, value in zip(self.ring.variables(j), known, strict=True):
                 point[v] = value
         parts = by_joint[joint]
         line = [0] * (1 + max(map(sum, parts)))
@@ -207,11 +207,7 @@ class RealPoints:
 
     def on(self, component: Component) -> bool:
         """Return True if all lie on a component."""
-        branch = self.maker.branch_of(component.values, component.relations)
-        if any((self.maker.away(self.q, v) > _ON).any() for v in branch.values):
-            return False
-        off = residuals(branch.equations, self.q) if branch.equations else np.zeros(0)
-        return bool((np.abs(off) < _ON).all())
+        return bool((self.maker.off(self.q, component.values, component.relations) < _ON).all())
 
 
 @dataclass(frozen=True, eq=False)

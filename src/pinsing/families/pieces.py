@@ -25,7 +25,15 @@ from pinsing.algebra.real_roots import (
 )
 from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value
 from pinsing.families.nearness import OwnPoints
-from pinsing.families.zero_set import ROUNDS, fix_joint, never_zero, proven_empty, search, thrown
+from pinsing.families.zero_set import (
+    ROUNDS,
+    fix_joint,
+    never_zero,
+    proven_empty,
+    residuals,
+    search,
+    thrown,
+)
 from pinsing.robot.nominal import Nominal
 
 
@@ -264,6 +272,13 @@ class PieceMaker:
         if not self.ring.prismatic[value.joint]:
             off = off - 2 * np.pi * np.round(off / (2 * np.pi))
         return np.abs(off)
+
+    def off(self, q: Array, values: Mapping[int, Value], relations: Sequence[Poly] = ()) -> Array:
+        """How far (N,) configurations are from joint values and, in equations' sizes, relations."""
+        branch = self.branch_of(values, relations)
+        parts = [np.zeros(len(q)), *(self.away(q, v) for v in branch.values)]
+        parts += list(np.abs(residuals(branch.equations, q)).T) if branch.equations else []
+        return np.asarray(np.max(parts, axis=0))
 
     def rounds(self, wanted: int = ROUNDS) -> int:
         """Batches of random starts that there is time for."""

@@ -25,7 +25,7 @@ from pinsing.families.faithful import disagreements
 from pinsing.families.family import Family
 from pinsing.families.form import ClosedForm
 from pinsing.families.pieces import SolvedPiece
-from pinsing.families.slice_count import SliceCount, count_on_slices
+from pinsing.families.slices import SliceCount, count_on_slices
 from pinsing.families.steps import MAX_JOINTS, ComponentSearch
 from pinsing.families.tube import find_tube
 from pinsing.kinematics.jacobian import generic_rank

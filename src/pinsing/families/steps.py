@@ -41,8 +41,7 @@ from pinsing.algebra.surd_ring import ring_of
 from pinsing.families.long_chain import LongChain, gaps
 from pinsing.families.nearness import OwnPoints
 from pinsing.families.pieces import PieceMaker
-from pinsing.families.slice_count import SliceCount
-from pinsing.families.slice_search import RandomSingular, SliceSearch
+from pinsing.families.slices import RandomSingular, SliceCount, SliceSearch
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import IDENTITY, Nominal
 from pinsing.robot.task import Task
