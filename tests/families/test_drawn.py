@@ -9,7 +9,7 @@ from singular_sets import terms
 
 from pinsing.algebra.equation import Equation
 from pinsing.families import zero_set
-from pinsing.families.zero_set import draw, orders, project, residuals, search
+from pinsing.families.zero_set import SearchBox, draw, orders, project, residuals, search
 
 SHIFT = (-0.3, 0.05, 0.4)
 ONCE = terms(((2, 0, 0), (0, 0, 0), 0.5, 0.2), ((0, 2, 2), (0, 0, 0), 0.3, -0.4), shift=SHIFT)
@@ -28,7 +28,7 @@ def test_points_are_on_the_set_and_in_the_box(e: Equation, width: float) -> None
     e = replace(e, shift=np.where(e.powers.any(0), 0, e.shift))
     lower, upper = np.full(3, -width), np.full(3, width)
     for order in orders([e], FREE):
-        q = draw(order, lower, upper, FREE, ZERO, 4000, np.random.default_rng(1))
+        q = draw(order, SearchBox(lower, upper, FREE, ZERO), 4000, np.random.default_rng(1))
         assert len(q) > 50
         assert np.abs(residuals([e], q)).max() < 2e-13
         assert ((q >= lower - 1e-9) & (q <= upper + 1e-9)).all()
@@ -44,19 +44,19 @@ def test_what_is_solved_for_and_in_which_order() -> None:
     found = orders([ONCE, HALF], FREE)
     assert found
     for order in found:
-        q = draw(order, -WIDE, WIDE, FREE, ZERO, 3000, RNG(2))
+        q = draw(order, SearchBox(-WIDE, WIDE, FREE, ZERO), 3000, RNG(2))
         assert len(q) > 100
         assert np.abs(residuals([ONCE, HALF], q)).max() < 1e-14
     both = terms(((2, 2, 2), (0, 0, 0), 0.5, 0.2), ((0, 0, 0), (0, 0, 0), 0.1, 0.0), shift=SHIFT)
     assert orders([both, ONCE], FREE) == []  # each joint of the one is in the other
     free, fixed = np.array([True, True, False]), np.array([0.0, 0.0, 1.25])
     (order, *_) = orders([ONCE], free)
-    assert (draw(order, -WIDE, WIDE, free, fixed, 500, RNG(3))[:, 2] == 1.25).all()
+    assert (draw(order, SearchBox(-WIDE, WIDE, free, fixed), 500, RNG(3))[:, 2] == 1.25).all()
 
 
 def test_a_box_with_nothing_in_it_is_not_searched_at_random(monkeypatch):
     middle = np.array([0.3, -0.2, 0.1])
-    q = draw(orders([ONCE], FREE)[0], middle - 3, middle + 3, FREE, ZERO, 500, RNG(2))
+    q = draw(orders([ONCE], FREE)[0], SearchBox(middle - 3, middle + 3, FREE, ZERO), 500, RNG(2))
     far = middle + np.array([0.4, 0.9, 0.9])
     values = residuals([ONCE], RNG(3).uniform(far - 0.15, far + 0.15, (4000, 3)))
     assert len(q)
@@ -72,11 +72,12 @@ def test_a_box_with_nothing_in_it_is_not_searched_at_random(monkeypatch):
         monkeypatch.setattr(zero_set, "_PROOF_TERMS", short)
         monkeypatch.setattr(zero_set, "project", counted)
         rng = RNG(5)
-        assert len(search([ONCE], far - 0.15, far + 0.15, FREE, ZERO, 4, rng)) == 0
+        box = SearchBox(far - 0.15, far + 0.15, FREE, ZERO)
+        assert len(search([ONCE], box, 4, rng)) == 0
         assert sum(moved) >= most
         assert most or sum(moved) == 0
         drawn.append(rng.random(3).tolist())
     assert drawn[0] == drawn[1]
     # A zero just outside, that counts as inside, is no reason to say that there is none.
     on = q[0]
-    assert len(search([ONCE], on, on, FREE, ZERO, 1, RNG(1), rounds=1)) == 1
+    assert len(search([ONCE], SearchBox(on, on, FREE, ZERO), 1, RNG(1), rounds=1)) == 1

@@ -10,7 +10,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.families.long_chain import LongChain
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.solve import joint_symbols
-from pinsing.families.zero_set import draw, peeled, residuals
+from pinsing.families.zero_set import SearchBox, draw, peeled, residuals
 from pinsing.kinematics.jacobian import generic_rank, task_jacobians
 from pinsing.kinematics.verdict import ratios
 from pinsing.robot.nominal import nominal
@@ -83,7 +83,7 @@ def test_thirteen_joints_are_answered(thirteen):
         assert not set(step.equation.involved) & set(solved[k + 1 :])
     # What is solved so far goes on with other values of the joints that are not used yet.
     low = np.full(13, -np.pi)
-    q = draw(order, low, -low, every, np.zeros(13), 40, np.random.default_rng(3))
+    q = draw(order, SearchBox(low, -low, every, np.zeros(13)), 40, np.random.default_rng(3))
     assert len(q) >= 40
     assert np.abs(residuals(equations, q)).max() < 1e-9
     assert len(np.unique(q[:, 1:-1].round(9), axis=0)) == len(q)  # no copies, end joints aside

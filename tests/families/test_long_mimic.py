@@ -18,6 +18,7 @@ from pinsing.algebra.minors import NearMinors
 from pinsing.families.nearness import OwnPoints
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.solve import joint_symbols
+from pinsing.families.zero_set import SearchBox
 from pinsing.kinematics.jacobian import task_jacobians
 from pinsing.kinematics.verdict import ratios
 from pinsing.robot.nominal import PRIMES, nominal
@@ -101,8 +102,7 @@ def test_newtons_steps_of_sliders_are_in_metres():
     own = OwnPoints(arm)
     rng = np.random.default_rng(5)
     free = np.ones(arm.n, dtype=bool)
-    starts = rng.uniform(arm.lower, arm.upper, (24, arm.n))
-    q = own.drawn(starts, free, (arm.lower, arm.upper))
+    q = own.drawn(24, SearchBox(arm.lower, arm.upper, free, np.zeros(arm.n)), rng)
     assert len(q) >= 3
     assert ratios(arm, q).max() < 1e-12
     assert (q >= arm.lower).all()

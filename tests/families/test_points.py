@@ -19,7 +19,7 @@ from pinsing.families.form import families_text
 from pinsing.families.nearness import OwnPoints, Starts
 from pinsing.families.solve import joint_symbols
 from pinsing.families.steps import ComponentSearch
-from pinsing.families.zero_set import System, fix_joint, project, search
+from pinsing.families.zero_set import SearchBox, System, fix_joint, project, search
 from pinsing.kinematics.jacobian import generic_rank
 from pinsing.kinematics.verdict import ratios
 from pinsing.robot.joint_space import JointSpace
@@ -68,7 +68,7 @@ def test_an_equation_that_all_but_cancels_says_how_accurate_it_is(rng):
     assert small.unit == small.size
     assert replace(e, accuracy=1e-11).unit == pytest.approx(1e3 * e.size)
     low, high, free = np.full(n, -1.5), np.full(n, 1.5), np.arange(n) > 0
-    Q = search(equations, low, high, free, np.full(n, 0.25), 20, rng)
+    Q = search(equations, SearchBox(low, high, free, np.full(n, 0.25)), 20, rng)
     assert len(Q) == 20
     assert (Q[:, 0] == 0.25).all()
     assert (np.abs(Q) <= 1.5 + 1e-9).all()
@@ -87,8 +87,8 @@ def test_a_small_residual_is_not_yet_on_the_set(rng):
         def __call__(self, points):
             return np.ones(len(points), dtype=bool)
 
-        def drawn(self, starts, free, box):
-            return np.where(np.arange(2) == 0, 1e-4, starts)
+        def drawn(self, count, box, rng):
+            return np.where(np.arange(2) == 0, 1e-4, box.drawn(count, rng))
 
     ring = make_ring((False, False))
     _, y, *_ = ring.context.gens()

@@ -16,13 +16,13 @@ from pinsing.algebra.budget import PER_SECOND, Budget, BudgetExceeded, in_child
 from pinsing.algebra.equation import Equation
 from pinsing.families import zero_set
 from pinsing.families.proof_forms import Draft, roots_in, skeleton
-from pinsing.families.zero_set import proven_empty, search, thrown
+from pinsing.families.zero_set import SearchBox, proven_empty, search, thrown
 from pinsing.proof.checker import Ring
 from pinsing.robot.nominal import nominal
 
 _JOINTS = 6
-_LOW, _HIGH = np.full(_JOINTS, -np.pi), np.full(_JOINTS, np.pi)
-_FREE, _FIXED = np.ones(_JOINTS, dtype=bool), np.zeros(_JOINTS)
+_PI = np.full(_JOINTS, np.pi)
+_BOX = SearchBox(-_PI, _PI, np.ones(_JOINTS, dtype=bool), np.zeros(_JOINTS))
 
 
 def made(terms: int, constant: float) -> Equation:
@@ -69,14 +69,14 @@ def test_a_long_system_without_points_is_left_when_time_is_over(patience, steps)
     nowhere = [made(400, 2.0), made(401, 2.0)]  # the constant outweighs all cosines
     stop = Patience(patience)
     rng = np.random.default_rng(0)
-    found = search(nowhere, _LOW, _HIGH, _FREE, _FIXED, 8, rng, stop=stop)
+    found = search(nowhere, _BOX, 8, rng, stop=stop)
     assert len(found) == 0
     assert len(steps) <= patience + 20  # without stop: hundreds
     steps.clear()
-    assert len(thrown(nowhere, _LOW, _HIGH, _FREE, _FIXED, 8, rng, Patience(patience))) == 0
+    assert len(thrown(nowhere, _BOX, 8, rng, Patience(patience))) == 0
     assert len(steps) <= patience + 1
     steps.clear()
-    search(nowhere, _LOW, _HIGH, _FREE, _FIXED, 8, rng, rounds=4)
+    search(nowhere, _BOX, 8, rng, rounds=4)
     assert len(steps) > 100
 
 

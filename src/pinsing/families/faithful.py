@@ -24,7 +24,7 @@ from pinsing.algebra.trig_sum import TINY
 from pinsing.arguments import typed
 from pinsing.families.family import Family
 from pinsing.families.nearness import BLUNT, OwnPoints
-from pinsing.families.zero_set import thrown
+from pinsing.families.zero_set import SearchBox, thrown
 from pinsing.measures import ALIKE, FLOAT_NOISE
 from pinsing.robot.nominal import Nominal
 
@@ -136,12 +136,13 @@ class _Exact:
             return None
         if any(not self._of_one(forms) for forms in conditions):
             return None  # it has no real point
-        values = self._values(component)
-        free = np.array([j not in values for j in range(len(self.slides))])
-        fixed = np.array([values.get(j, 0.0) for j in range(len(self.slides))])
+        values, joints = self._values(component), range(len(self.slides))
+        free = np.array([j not in values for j in joints])
+        fixed = np.array([values.get(j, 0.0) for j in joints])
+        box = SearchBox(-self.reach, self.reach, free, fixed)
         stated = [equation(p, self.ring, self.symbols, self.offset) for p in component.relations]
         # Random starts where roots in one joint after the other give no point; up to so many terms.
-        for q in thrown(stated, -self.reach, self.reach, free, fixed, 16, self.rng):
+        for q in thrown(stated, box, 16, self.rng):
             if self._missed(branches, q, BLUNT):
                 return np.asarray(q)
         return None

@@ -23,7 +23,7 @@ from pinsing.arguments import checked, columns_of, real_numbers, whole_number
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.families.at_once import LONG, AtOnce, SolvedFor, long_form, long_ones
 from pinsing.families.nearness import Distance, OwnPoints, Starts, near, nearest, own_nearest
-from pinsing.families.zero_set import ROUNDS, Stop, search
+from pinsing.families.zero_set import ROUNDS, SearchBox, Stop, search
 from pinsing.measures import ROUNDING, Reachability
 from pinsing.notebook import formula, legend, marked, name, table, text
 from pinsing.prose import listed
@@ -171,9 +171,8 @@ def spread(
         for (branch, fixed), some in zip(tuple(alive), share, strict=True):
             if some == 0:
                 continue
-            free = np.ones(len(lower), dtype=bool)
-            free[[v.joint for v in branch.values]] = False
-            part = search(branch.equations, lower, upper, free, fixed, int(some), rng, rounds, stop)
+            box = SearchBox.of(branch, lower, upper, fixed)
+            part = search(branch.equations, box, int(some), rng, rounds, stop)
             parts.append(part)
             missing -= len(part)
             if not len(part):

@@ -45,7 +45,7 @@ from pinsing.algebra.mimic import own_jacobian_modulo
 from pinsing.algebra.minors import NearMinors, NotSquare
 from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value, coefficients_by
 from pinsing.families.pieces import PieceMaker
-from pinsing.families.zero_set import gradients, project
+from pinsing.families.zero_set import SearchBox, gradients, project
 from pinsing.kinematics.jacobian import task_jacobians
 from pinsing.kinematics.verdict import ratios
 from pinsing.robot.nominal import PRIMES, Nominal
@@ -275,8 +275,7 @@ _STEP = 1e-3
 def freedom(branch: Branch, q: Array) -> int:
     """Return the dimension of a branch near q (n,), by small steps brought back to it."""
     # Where gradients vanish or depend on each other they allow more than the set does.
-    free = np.ones(len(q), dtype=bool)
-    free[[v.joint for v in branch.values]] = False
+    free = SearchBox.of(branch, q, q).free
     loose = np.eye(len(q))[free]
     if not branch.equations:
         return len(loose)

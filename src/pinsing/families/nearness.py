@@ -11,7 +11,7 @@ import numpy as np
 from pinsing._types import Array, Bool
 from pinsing.algebra.conditions import Branch, Conditions
 from pinsing.algebra.nearest import SearchOptions, nearest_points
-from pinsing.families.zero_set import Stop, project, thrown
+from pinsing.families.zero_set import SearchBox, Stop, project, thrown
 from pinsing.kinematics.batch import own_scale
 from pinsing.kinematics.jacobian import own_jacobians_and_derivatives
 from pinsing.kinematics.verdict import ratios
@@ -80,12 +80,10 @@ class OwnPoints:
         # sigma_r / sigma_1 of what is singular among the points of equations.
         return ratios(self.arm, points) <= 1e-6
 
-    def drawn(self, starts: Array, free: Bool, box: tuple[Array, Array]) -> Array:
-        """Singular points (k, n) of a box that starts (N, n) in it lead to; see ``OwnPoints``."""
-        if not len(starts):
-            return starts
+    def drawn(self, count: int, box: SearchBox, rng: np.random.Generator) -> Array:
+        """Singular points (k, n) of a box that random starts in it lead to; see ``OwnPoints``."""
         # Steps from random starts.
-        q = _newton(self.arm, starts, free, 30, box)
+        q = _newton(self.arm, box.drawn(count, rng), box.free, 30, (box.lower, box.upper))
         q = q[np.isfinite(q).all(axis=-1)]
         return q[ratios(self.arm, q) <= NOISE] if len(q) else q
 
@@ -223,19 +221,17 @@ class Starts:
     def own(self, confirm: OwnPoints, n: int, rng: np.random.Generator, stop: Stop | None) -> Array:
         """Return up to n own points (k, n), about as many a branch, by rank, then by equations."""
         found = [np.zeros((0, self.space.n))]
-        share, box = -(-n // max(1, len(self.held))), (self.lower, self.upper)
+        share = -(-n // max(1, len(self.held)))
         for i, (branch, fixed) in enumerate(self.held):
             if i and stop is not None and stop():
                 break
-            free = np.ones(self.space.n, dtype=bool)
-            free[[v.joint for v in branch.values]] = False
+            box = SearchBox.of(branch, self.lower, self.upper, fixed)
             missing = share
             # Times that so many are tried.
             for _ in range(4):
                 late = stop is not None and stop()  # then a first look is taken all the same
                 count = 12 if late else min(max(_FEWEST, 4 * missing), _MOST)
-                starts = np.where(free, rng.uniform(*box, (count, len(free))), fixed)
-                q = self._inside(confirm.drawn(starts, free, box))
+                q = self._inside(confirm.drawn(count, box, rng))
                 q = q[near((branch,), self.space, q, ROUNDING)] if len(q) else q
                 found.append(q[:missing])
                 missing -= len(found[-1])
@@ -243,7 +239,7 @@ class Starts:
                     break
             if missing:
                 count = min(max(_FEWEST, 4 * missing), _MOST)
-                q = thrown(branch.equations, *box, free, fixed, count, rng, stop)
+                q = thrown(branch.equations, box, count, rng, stop)
                 q = q[confirm(q)] if len(q) else q
                 found.append((self._inside(q) if self.within else q)[:missing])
         return np.concatenate(found)[:n]

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinsing._types import Array, Bool
+from pinsing._types import Array
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component
 from pinsing.algebra.conditions import Branch, JointValue
@@ -27,6 +27,7 @@ from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value
 from pinsing.families.nearness import OwnPoints
 from pinsing.families.zero_set import (
     ROUNDS,
+    SearchBox,
     fix_joint,
     never_zero,
     proven_empty,
@@ -224,13 +225,11 @@ class PieceMaker:
 
     def find(self, branch: Branch, count: int, rounds: int = 6) -> Array:
         """Return up to ``count`` points (k, n) of a branch over whole circles."""
-        fixed, free = self._start(branch)
+        box = SearchBox.of(branch, self.lower, self.upper)
 
         def searched(some: int) -> Array:
-            return search(
-                branch.equations, self.lower, self.upper, free, fixed, some, self.rng,
-                self.rounds(rounds), self.time.stop,
-            )  # fmt: skip
+            given = some, self.rng, self.rounds(rounds), self.time.stop
+            return search(branch.equations, box, *given)
 
         found = searched(count)
         if self.confirm is None:
@@ -246,20 +245,10 @@ class PieceMaker:
             own = more[self.confirm(more)][:count]
         return own
 
-    def _start(self, branch: Branch) -> tuple[Array, Bool]:
-        """Values of the fixed joints in an (n,) array, and which joints are free."""
-        free = np.ones(len(self.symbols), dtype=bool)
-        fixed = np.zeros(len(self.symbols))
-        for v in branch.values:
-            free[v.joint] = False
-            fixed[v.joint] = v.value
-        return fixed, free
-
     def thrown(self, branch: Branch, count: int) -> Array:
         """Return points (k, n) that random starts converge to, so that all real parts are met."""
-        fixed, free = self._start(branch)
-        box = self.lower, self.upper
-        return thrown(branch.equations, *box, free, fixed, count, self.rng, self.time.stop)
+        box = SearchBox.of(branch, self.lower, self.upper)
+        return thrown(branch.equations, box, count, self.rng, self.time.stop)
 
     def branch_of(self, values: Mapping[int, Value], relations: Sequence[Poly]) -> Branch:
         """Joints at exact values, and polynomials that vanish, as what points are found on."""

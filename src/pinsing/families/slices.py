@@ -33,6 +33,7 @@ from flint import fmpz
 from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component, RandomSteps, merged, on_any, settled
+from pinsing.algebra.conditions import Branch
 from pinsing.algebra.decompose import Decomposition, Within
 from pinsing.algebra.generic_points import Residues, slice_points
 from pinsing.algebra.jacobian_matrix import jacobian_matrix
@@ -52,6 +53,7 @@ from pinsing.families.modular_chain import (
 from pinsing.families.nearness import BLUNT, OwnPoints
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.proof_forms import roots_in
+from pinsing.families.zero_set import SearchBox
 from pinsing.robot.nominal import Nominal
 from pinsing.robot.surd import root_modulo
 from pinsing.robot.task import Task
@@ -370,12 +372,11 @@ class RandomSingular:
     def of(cls, maker: PieceMaker, time: Budget) -> RandomSingular:
         """Those that random starts over whole circles lead to."""
         own, rng = OwnPoints(maker.geometry.arm), np.random.default_rng(37)
-        box, n = (maker.lower, maker.upper), len(maker.symbols)
+        box = SearchBox.of(Branch((), ()), maker.lower, maker.upper)
         found = []
         for _ in range(4):
             # Random starts at once.
-            starts = rng.uniform(*box, (100, n))
-            found.append(own.drawn(starts, np.ones(n, dtype=bool), box))
+            found.append(own.drawn(100, box, rng))
             # Work of a batch of starts, in products of terms.
             if time.stop(1e6):
                 break

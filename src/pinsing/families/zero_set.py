@@ -16,8 +16,43 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pinsing._types import Array, Bool
+from pinsing.algebra.conditions import Branch
 from pinsing.algebra.equation import Equation
 from pinsing.measures import FLOAT_NOISE, ROUNDING
+
+
+@dataclass(frozen=True, eq=False)
+class SearchBox:
+    """Where points are looked for: ``free`` joints between bounds, the others ``fixed``; all (n,)."""
+
+    lower: Array
+    upper: Array
+    free: Bool
+    fixed: Array
+
+    @classmethod
+    def of(
+        cls, branch: Branch, lower: Array, upper: Array, fixed: Array | None = None
+    ) -> SearchBox:
+        """Of a branch, whose joints with a value are held there, or at some copies of these."""
+        held, free = np.zeros(len(lower)), np.ones(len(lower), dtype=bool)
+        for v in branch.values:
+            held[v.joint], free[v.joint] = v.value, False
+        return cls(lower, upper, free, held if fixed is None else fixed)
+
+    def put(self, q: Array) -> Array:
+        """Some configurations (N, n) with the joints that are fixed there."""
+        return np.where(self.free, q, self.fixed)
+
+    def drawn(self, count: int, rng: np.random.Generator) -> Array:
+        """Random configurations (N, n)."""
+        return self.put(rng.uniform(self.lower, self.upper, (count, len(self.lower))))
+
+    def holds(self, q: Array, slack: float = ROUNDING) -> Bool:
+        """Return which of some configurations (N, n) are inside."""
+        inside = (q >= self.lower - slack) & (q <= self.upper + slack) | ~self.free
+        return np.asarray(inside.all(axis=-1))
+
 
 MOST_ORDERED = 3
 """Equations at once, of which all orders are tried."""
@@ -98,40 +133,30 @@ def peeled(equations: Sequence[Equation], free: Bool, prefer: int = 0) -> Order 
     return tuple(reversed(steps))
 
 
-def draw(
-    order: Order,
-    lower: Array,
-    upper: Array,
-    free: Bool,
-    fixed: Array,
-    count: int,
-    rng: np.random.Generator,
-) -> Array:
-    """Return points (k, n) in a box on an order's equations, ``free`` joints solved or drawn."""
+def draw(order: Order, box: SearchBox, count: int, rng: np.random.Generator) -> Array:
+    """Return points (k, n) in a box on an order's equations, free joints solved or drawn."""
     many = len(order) > MOST_ORDERED
     if many:
         # Of a long order more are tried, by so much for each step more.
         count = max(count, min(2_000, int(count * 1.5 ** (len(order) - MOST_ORDERED))))
-    q = np.where(free, rng.uniform(lower, upper, (count, len(lower))), fixed)
-    open_ = free.copy()
+    q, open_ = box.drawn(count, rng), box.free.copy()
     for step in order:
         if many and 0 < len(q) < count:
             # What solved all so far goes on several times, with other values of what is not used.
             q = q[rng.integers(len(q), size=count)]
-            q = np.where(open_, rng.uniform(lower, upper, q.shape), q)
+            q = np.where(open_, rng.uniform(box.lower, box.upper, q.shape), q)
         value, known = _solved(step, q, rng)
+        low, high = box.lower[step.joint], box.upper[step.joint]
         if step.kind != "length":
-            value, inside = _copy(value, lower[step.joint], upper[step.joint], rng)
+            value, inside = _copy(value, low, high, rng)
         else:
-            inside = (value >= lower[step.joint] - ROUNDING) & (
-                value <= upper[step.joint] + ROUNDING
-            )
+            inside = (value >= low - ROUNDING) & (value <= high + ROUNDING)
         q[:, step.joint] = value
         q = q[known & inside]
         open_[list(step.equation.involved)] = False
     if many:  # those that went on with nothing else to draw may have come to the same end
         # Of points that are the same, radians or metres.
-        first = np.unique(q[:, free & ~open_].round(9), axis=0, return_index=True)[1]
+        first = np.unique(q[:, box.free & ~open_].round(9), axis=0, return_index=True)[1]
         q = q[np.sort(first)]
     return q
 
@@ -303,25 +328,21 @@ def project(
 
 def search(
     equations: Sequence[Equation],
-    lower: Array,
-    upper: Array,
-    free: Bool,
-    fixed: Array,
+    box: SearchBox,
     count: int,
     rng: np.random.Generator,
     rounds: int = ROUNDS,
     stop: Stop | None = None,
 ) -> Array:
-    """Return points (k, n) of the zero set inside a box, k up to ``count``; ``free`` joints move.
+    """Return points (k, n) of the zero set inside a box, k up to ``count``.
 
     In closed form where the equations can be solved in turn; where that finds too few, as in a
     small box, random starts are projected. ``stop`` ends it, except for a first look at a short
     system.
     """
     if not equations:  # all that is drawn is there
-        q = rng.uniform(lower, upper, (max(_LEAST_DRAWN, 2 * count), len(lower)))
-        return np.where(free, q[:count], fixed)
-    found: list[Array] = []
+        return box.drawn(max(_LEAST_DRAWN, 2 * count), rng)[:count]
+    found, free = [np.zeros((0, len(box.lower)))], box.free
     missing = count
     cheap = sum(len(e.cos) for e in equations) <= _CHEAP
     within = None if cheap else stop
@@ -329,12 +350,11 @@ def search(
     # Batches of points in closed form before random starts are brought to the set instead.
     for attempt in range(6 if ways else 0):
         way = ways[attempt % len(ways)]
-        q = draw(way, lower, upper, free, fixed, max(8, 4 * missing), rng)
+        q = draw(way, box, max(8, 4 * missing), rng)
         # Most are there, up to rounding, unless equations are left that no joint was solved from.
         iterations = 3 if len(way) == len(equations) else 20
         q, ok = project(equations, q, free, iterations, within)
-        inside = ((q >= lower - ROUNDING) & (q <= upper + ROUNDING) | ~free).all(axis=-1)
-        found.append(q[ok & inside][:missing])
+        found.append(q[ok & box.holds(q)][:missing])
         missing -= len(found[-1])
         if missing <= 0:
             return np.concatenate(found)
@@ -343,42 +363,37 @@ def search(
     few = _shortest(equations)
     short, whole = system_of(few) if few else None, system_of(equations)
     # What is asked for next is drawn from the same numbers, whether this search is spared or not.
-    nothing = ways and missing == count and _nothing_in(equations, lower, upper, free)
+    nothing = ways and missing == count and _nothing_in(equations, box)
     for _ in range(rounds):
-        q = rng.uniform(lower, upper, (max(_LEAST_DRAWN, 2 * missing), len(lower)))
+        q = box.drawn(max(_LEAST_DRAWN, 2 * missing), rng)
         if nothing:
             continue
-        q = np.where(free, q, fixed)
-        found.append(_from_random(whole, short, q, lower, upper, free, within)[:missing])
+        found.append(_from_random(whole, short, q, box, within)[:missing])
         missing -= len(found[-1])
         if missing <= 0 or (stop is not None and stop()):
             break
         within = stop
-    return np.concatenate(found) if found else np.zeros((0, len(lower)))
+    return np.concatenate(found)
 
 
-def _nothing_in(equations: Sequence[Equation], lower: Array, upper: Array, free: Bool) -> bool:
+def _nothing_in(equations: Sequence[Equation], box: SearchBox) -> bool:
     """Whether a short look shows that a box, and what counts as in it, has no point of the set."""
-    if any(not free[list(e.involved)].all() for e in equations):
+    if any(not box.free[list(e.involved)].all() for e in equations):
         return False
     boxes = _PROOF_TERMS // sum(len(e.cos) for e in equations)
-    return proven_empty(equations, lower - ROUNDING, upper + ROUNDING, boxes=boxes)
+    return proven_empty(equations, box.lower - ROUNDING, box.upper + ROUNDING, boxes=boxes)
 
 
 def thrown(
     equations: Sequence[Equation],
-    lower: Array,
-    upper: Array,
-    free: Bool,
-    fixed: Array,
+    box: SearchBox,
     count: int,
     rng: np.random.Generator,
     stop: Stop | None = None,
 ) -> Array:
     """Return points (k, n) that random starts in a box converge to: every real part is met."""
-    q = np.where(free, rng.uniform(lower, upper, (count, len(lower))), fixed)
     cheap = sum(len(e.cos) for e in equations) <= _CHEAP
-    q, ok = project(equations, q, free, 40, None if cheap else stop)
+    q, ok = project(equations, box.drawn(count, rng), box.free, 40, None if cheap else stop)
     return np.asarray(q[ok])
 
 
@@ -386,24 +401,20 @@ def _from_random(
     equations: System,
     short: System | None,
     q: Array,
-    lower: Array,
-    upper: Array,
-    free: Bool,
+    box: SearchBox,
     stop: Stop | None,
 ) -> Array:
     """Those of the points q (N, n) that projections bring onto the zero set within the box."""
     if short is not None:
-        q, _ = project(short, q, free, 20, stop)
-    q, ok = project(equations, q, free, 30, stop)
+        q, _ = project(short, q, box.free, 20, stop)
+    q, ok = project(equations, q, box.free, 30, stop)
     for _ in range(12):  # back into the box, and onto the set again
-        inside = ((q >= lower - 1e-12) & (q <= upper + 1e-12) | ~free).all(axis=-1)
-        out = np.flatnonzero(ok & ~inside)
+        out = np.flatnonzero(ok & ~box.holds(q, 1e-12))
         if not len(out):
             break
-        clipped = np.where(free, np.clip(q[out], lower, upper), q[out])
-        q[out], ok[out] = project(equations, clipped, free, 30, stop)
-    inside = ((q >= lower - ROUNDING) & (q <= upper + ROUNDING) | ~free).all(axis=-1)
-    return np.asarray(q[ok & inside])
+        clipped = np.where(box.free, np.clip(q[out], box.lower, box.upper), q[out])
+        q[out], ok[out] = project(equations, clipped, box.free, 30, stop)
+    return np.asarray(q[ok & box.holds(q)])
 
 
 def _shortest(equations: Sequence[Equation]) -> list[Equation]:
