@@ -23,7 +23,7 @@ from pinsing.measures import FLOAT_NOISE, ROUNDING
 
 @dataclass(frozen=True, eq=False)
 class SearchBox:
-    """Where points are looked for: ``free`` joints between bounds, the others ``fixed``; all (n,)."""
+    """Where points are looked for: free joints between bounds, others fixed; all (n,)."""
 
     lower: Array
     upper: Array
