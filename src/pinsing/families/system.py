@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -21,19 +20,16 @@ from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
-from pinsing.algebra.equation import joined
 from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.mimic import own_offsets
 from pinsing.algebra.ring import Poly, Value, rational
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.errors import OptionError
 from pinsing.families.family import Family, asked_for
+from pinsing.families.proof_forms import content
 from pinsing.prose import visible
 from pinsing.robot.nominal import Nominal
 from pinsing.robot.surd import SQUARES, Exact, parts_of
-
-Terms = tuple[tuple[int, tuple[int, ...]], ...]
-"""A polynomial: whole coefficients, and the exponents of all variables."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +37,15 @@ class FamilySystem:
     """One family, as the union of the real zeros of systems of equations."""
 
     family: Family
-    parts: tuple[tuple[Terms, ...], ...]  # of each system the polynomials that vanish
+    # of each system the polynomials that vanish: their coefficients are whole
+    parts: tuple[tuple[Poly, ...], ...]
+
+    @property
+    def names(self) -> list[str]:
+        """Of its systems."""
+        if len(self.parts) == 1:
+            return [self.family.name]
+        return [f"{self.family.name}_{i}" for i in range(1, len(self.parts) + 1)]
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,7 @@ class Systems:
     # each variable, and what it stands for: ``c2``, ``cos(q2)``
     variables: tuple[tuple[str, str], ...]
     # polynomials that vanish at all configurations: ``c2^2 + s2^2 - 1``, ``r2^2 - 2``
-    circles: tuple[Terms, ...]
+    circles: tuple[Poly, ...]
     families: tuple[FamilySystem, ...]
     # variables that stand for square roots: only solutions where they are positive are meant
     roots: tuple[str, ...]
@@ -104,42 +108,32 @@ class _SystemMaker:
         circles += [p[0] ** 2 + p[1] ** 2 - 1 for p in self.own.values() if len(p) == 2]
         return Systems(
             variables=self.variables,
-            circles=tuple(_whole(p) for p in circles),
+            circles=tuple(circles),
             families=tuple(FamilySystem(f, self._parts(f)) for f in self.chosen),
             roots=tuple(f"r{d}" for d in self.root),
             free=tuple(s for j, s in enumerate(self.symbols) if j not in self.joints),
         )
 
-    def _parts(self, family: Family) -> tuple[tuple[Terms, ...], ...]:
+    def _parts(self, family: Family) -> tuple[tuple[Poly, ...], ...]:
         """Systems of a family; mirror images that differ in one joint's value are one."""
-        parts = []
+        parts: dict[str, tuple[Poly, ...]] = {}
         for values, relations in _joined(family.components):
             polys = [p for j, several in values.items() for p in self._value(j, several)]
             polys += [p for r in relations for p in self._even(self.ring.terms(r))]
-            parts.append(tuple(dict.fromkeys(_whole(p) for p in polys if p != 0)))
-        return tuple(dict.fromkeys(parts))
+            whole = {str(p): p for p in (p / content(p) for p in polys if p != 0)}
+            parts[str(list(whole))] = tuple(whole.values())
+        return tuple(parts.values())
 
     def _value(self, j: int, several: Sequence[Value]) -> list[Poly]:
         """That a joint has one of some exact values."""
-        if self.prismatic[j]:
-            factors = (self.own[j][0] - self._number(value) for (value,) in several)
-            return [math.prod(factors, start=self.context.constant(1))]
-        if len(several) == 1:
-            x, y = several[0]
-            square = x * x + y * y
-            c, s = self._circle(j)
-            cos, sin = (x * x - y * y) / square, 2 * (x * y) / square
-            return [c - self._number(cos), s - self._number(sin)]
-        form: list[Exact] = [Fraction(1)]  # of x^(d-k) y^k, the product of y0 x - x0 y
-        for x, y in several:
-            form = [
-                (form[k] * y if k < len(form) else Fraction(0))
-                - (form[k - 1] * x if k > 0 else Fraction(0))
-                for k in range(len(form) + 1)
-            ]
-        degree = len(several)
-        terms = (self._number(c) * self._power(j, degree - k, k) for k, c in enumerate(form))
-        return [sum(terms, start=self.context.constant(0))]
+        if self.prismatic[j] or len(several) > 1:
+            product = math.prod(self.ring.fixing(j, value) for value in several)
+            return self._even(self.ring.terms(self.ring.reduce(product)))
+        x, y = several[0]
+        square = x * x + y * y
+        c, s = self._circle(j)
+        cos, sin = (x * x - y * y) / square, 2 * (x * y) / square
+        return [c - self._number(cos), s - self._number(sin)]
 
     def _even(self, terms: Mapping[tuple[int, ...], Exact]) -> list[Poly]:
         """A polynomial, times x and times y of each joint in which its degree is odd."""
@@ -220,15 +214,6 @@ def _pair(
     return None
 
 
-def _whole(poly: Poly) -> Terms:
-    """The multiple with whole coefficients that share no factor, the first one positive."""
-    terms = [(int(c.p), int(c.q), tuple(int(e) for e in m)) for m, c in poly.terms()]
-    bottom = math.lcm(*(q for _, q, _ in terms))
-    top = math.gcd(*(p * (bottom // q) for p, q, _ in terms))
-    sign = -1 if terms[0][0] < 0 else 1
-    return tuple((sign * p * (bottom // q) // top, m) for p, q, m in terms)
-
-
 SUFFIXES = {
     ".sing": "singular",
     ".lib": "singular",
@@ -239,7 +224,18 @@ SUFFIXES = {
     ".py": "sage",
 }
 LANGUAGES = ("singular", "msolve", "maple", "sage")
-_COMMENT = {"singular": "// ", "maple": "# ", "sage": "# "}
+_PROGRAMS = {
+    "singular": ("// ", "ring R = 0,({plain}),dp;", "ideal {} =", ";"),
+    "maple": ("# ", "vars := [{spaced}]:", "{} := [", "]:"),
+    "sage": (
+        "# ",
+        "from sage.all import PolynomialRing, QQ\n"
+        "R = PolynomialRing(QQ, [{quoted}])\n({spaced},) = R.gens()",
+        "{} = R.ideal([",
+        "])",
+    ),
+}
+"""How a comment begins, what comes first, and what each system begins and ends with."""
 _WHICH = "k"
 """The variable of a file for msolve that says which of several systems a solution is of."""
 
@@ -277,9 +273,17 @@ def system_text(
     remarks = tuple(_remarks(form, found, language))
     if language == "msolve":
         return _msolve(found), remarks
-    head = "".join(f"{_COMMENT[language]}{line}\n" for line in remarks)
-    body = {"singular": _singular, "maple": _maple, "sage": _sage}[language](found)
-    return f"{head}\n{body}", remarks
+    comment, first, begin, end = _PROGRAMS[language]
+    named = [name for name, _ in found.variables]
+    quoted = ", ".join(f'"{name}"' for name in named)
+    lines = [first.format(plain=",".join(named), spaced=", ".join(named), quoted=quoted)]
+    for one in found.families:
+        for name, part in zip(one.names, one.parts, strict=True):
+            polys = ",\n  ".join(map(str, (*part, *found.circles)))
+            lines += [begin.format(name), f"  {polys}{end}"]
+    body = "\n".join(lines)
+    body = body.replace("^", "**") if language == "sage" else body
+    return "".join(f"{comment}{line}\n" for line in remarks) + f"\n{body}\n", remarks
 
 
 def _remarks(form: Any, found: Systems, language: str) -> Iterator[str]:
@@ -299,27 +303,21 @@ def _remarks(form: Any, found: Systems, language: str) -> Iterator[str]:
         yield f"in no equation, so free: {', '.join(found.free)}"
     if found.roots:
         yield f"meant are solutions with {', '.join(f'{r} > 0' for r in found.roots)} alone"
-    if language == "msolve":
-        yield from _numbered(found)
+    systems = [name for one in found.families for name in one.names]
+    if language == "msolve" and len(systems) > 1:
+        told = ", ".join(f"{i} = {name}" for i, name in enumerate(systems, 1))
+        yield f"a file for msolve is one system; its first variable {_WHICH} says which: {told}"
     yield "meant are real solutions, within the joint limits or not"
     if form.snaps:
         yield "true of the nominal geometry, in which these numbers of the file were moved:"
         yield from (f"  {visible(snap)}" for snap in form.snaps)
         yield f"no column of the Jacobian changes by more than {form.jacobian_change:.1e} by that"
-    known: dict[object, str] = {}
+    known: dict[str, str] = {}
     for one in found.families:
         yield from _of(one)
-        same = known.setdefault(one.parts, one.family.name)
+        same = known.setdefault(str(one.parts), one.family.name)
         if same != one.family.name:
             yield f"  its equations are those of {same}: other real points of the same set"
-
-
-def _numbered(found: Systems) -> Iterator[str]:
-    """Return which number stands for which system."""
-    names = [name for one in found.families for name in _names(one)]
-    if len(names) > 1:
-        told = ", ".join(f"{i} = {name}" for i, name in enumerate(names, 1))
-        yield f"a file for msolve is one system; its first variable {_WHICH} says which: {told}"
 
 
 def _of(one: FamilySystem) -> Iterator[str]:
@@ -327,71 +325,11 @@ def _of(one: FamilySystem) -> Iterator[str]:
     family = one.family
     yield f"{family.name}: {visible(family.text)}"
     if len(one.parts) > 1:
-        yield f"  {family.name} is the union of {', '.join(_names(one))}"
+        yield f"  {family.name} is the union of {', '.join(one.names)}"
     if not family.real:
         yield "  no real point of it is known"
     if family.confirm is not None and not family.confirm.touching:
         yield "  some solutions may be regular: singular are those at which the rank drops"
-
-
-def _names(one: FamilySystem) -> list[str]:
-    if len(one.parts) == 1:
-        return [one.family.name]
-    return [f"{one.family.name}_{i}" for i in range(1, len(one.parts) + 1)]
-
-
-def _each(found: Systems, power: str = "^") -> Iterator[tuple[str, list[str]]]:
-    """Name and polynomials of each system, those of the circles included."""
-    names = [name for name, _ in found.variables]
-    for one in found.families:
-        for name, part in zip(_names(one), one.parts, strict=True):
-            yield name, [_written(p, names, power) for p in (*part, *found.circles)]
-
-
-def _written(poly: Terms, names: Sequence[str], power: str = "^") -> str:
-    """``203*c2*c3 - 4318*s2^2 + 1``."""
-    terms = []
-    for coefficient, exponents in poly:
-        factors = [
-            name if e == 1 else f"{name}{power}{e}"
-            for name, e in zip(names, exponents, strict=True)
-            if e
-        ]
-        size = abs(coefficient)
-        body = "*".join([str(size)] * (size != 1 or not factors) + factors)
-        terms.append((coefficient < 0, body))
-    return joined(terms)
-
-
-def _singular(found: Systems) -> str:
-    lines = [f"ring R = 0,({','.join(name for name, _ in found.variables)}),dp;"]
-    for name, part in _each(found):
-        lines += [f"ideal {name} =", *_listed(part, ";")]
-    return "\n".join(lines) + "\n"
-
-
-def _maple(found: Systems) -> str:
-    lines = [f"vars := [{', '.join(name for name, _ in found.variables)}]:"]
-    for name, part in _each(found):
-        lines += [f"{name} := [", *_listed(part, "]:")]
-    return "\n".join(lines) + "\n"
-
-
-def _sage(found: Systems) -> str:
-    names = [name for name, _ in found.variables]
-    quoted = ", ".join(f'"{name}"' for name in names)
-    lines = [
-        "from sage.all import PolynomialRing, QQ",
-        f"R = PolynomialRing(QQ, [{quoted}])",
-        f"({', '.join(names)},) = R.gens()",
-    ]
-    for name, part in _each(found, "**"):
-        lines += [f"{name} = R.ideal([", *_listed(part, "])")]
-    return "\n".join(lines) + "\n"
-
-
-def _listed(part: Sequence[str], end: str) -> list[str]:
-    return [f"  {p}{',' if i < len(part) else end}" for i, p in enumerate(part, 1)]
 
 
 def _msolve(found: Systems) -> str:
@@ -403,22 +341,12 @@ def _msolve(found: Systems) -> str:
     polys = [*parts[0], *found.circles]
     if len(parts) > 1:
         names = [_WHICH, *names]
-        numbers = range(1, len(parts) + 1)
-        one: Terms = ((1, (0,) * len(found.variables)),)
-        polys = [_times(numbers, one)]
-        polys += [
-            _times([m for m in numbers if m != i], p) for i, q in enumerate(parts, 1) for p in q
-        ]
-        polys += [_times((), p) for p in found.circles]
-    told = ",\n".join(_written(p, names).replace(" ", "") for p in polys)
+        context = fmpq_mpoly_ctx.get(names, Ordering.lex)
+        apart = [context.gen(0) - i for i in range(1, len(parts) + 1)]
+        polys = [math.prod(apart)]
+        for i, part in enumerate(parts):
+            others = math.prod(apart[:i] + apart[i + 1 :])
+            polys += [others * p.project_to_context(context) for p in part]
+        polys += [p.project_to_context(context) for p in found.circles]
+    told = ",\n".join(str(p).replace(" ", "") for p in polys)
     return f"{','.join(names)}\n0\n{told}\n"
-
-
-def _times(values: Sequence[int], poly: Terms) -> Terms:
-    """A polynomial times k - m for some m, with k as its first variable."""
-    product = [1]
-    for m in values:
-        product = [a - m * b for a, b in zip([0, *product], [*product, 0], strict=True)]
-    return tuple(
-        (k * c, (e, *m)) for e, k in reversed(list(enumerate(product))) if k for c, m in poly
-    )
