@@ -14,6 +14,7 @@ does: it is one of the chain that is looked at, about x, that does not count as 
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 import time
@@ -25,6 +26,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from flint import Ordering, fmpq_mpoly_ctx
 
 from pinsing._types import Array, Chain
 from pinsing.algebra.budget import Budget, BudgetExceeded
@@ -446,68 +448,41 @@ def _has(polys: Sequence[Poly], p: Poly) -> bool:
     return any(_alike(p, q) for q in polys)
 
 
-Sum = dict[tuple[int, ...], int]
-"""A polynomial in the lengths: whole coefficients of products of powers."""
-
-
 def unreal(e: Equation, n: int) -> str:
     """Return the lengths at which an equation in n joints has no solution; empty if not decided."""
     # Such as ``|a1| > |a2| + sqrt(d4^2 + a3^2)``.
-    if e.powers[:, :n].any() or e.frequencies[:, n:].any() or not e.exact:
+    if e.powers[:, :n].any() or e.frequencies[:, n:].any() or not e.exact or not e.powers.any():
         return ""
-    found: dict[tuple[int, ...], tuple[Sum, Sum]] = {}
-    for f, p, pair in zip(e.frequencies, e.powers, e.exact, strict=True):
-        both = found.setdefault(tuple(int(k) for k in f), ({}, {}))
-        for part, number in zip(both, pair, strict=True):
+    context = fmpq_mpoly_ctx.get(list(e.joints[n:]), Ordering.lex)
+    # What cosine and sine of each angle are multiplied by: polynomials in the lengths.
+    found: dict[tuple[int, ...], list[Poly]] = {}
+    for f, p, pair in zip(e.frequencies.tolist(), e.powers.tolist(), e.exact, strict=True):
+        both = found.setdefault(tuple(f), [context.constant(0)] * 2)
+        for k, number in enumerate(pair):
             try:
-                value = int(number)
+                both[k] += int(number) * context.term(exp_vec=p[n:])
             except ValueError:  # with a square root
                 return ""
-            if value:
-                part[tuple(int(k) for k in p[n:])] = value
-    if not e.powers.any():
-        return ""
     constant = found.pop((0,) * e.frequencies.shape[1], None)
     # Phases beyond which nobody reads the condition.
     if constant is None or not 0 < len(found) <= 3:
         return ""
     if np.linalg.matrix_rank(np.array(list(found))) < len(found):
         return ""
-    shared = _shared([constant, *found.values()])
-    names = e.joints[n:]
-    return f"{_size(constant, names, shared)} > " + " + ".join(
-        _size(pair, names, shared) for pair in found.values()
-    )
+    parts = [part for pair in (constant, *found.values()) for part in pair if part != 0]
+    shared = functools.reduce(lambda a, b: a.gcd(b), (part.term_content() for part in parts))
+    first, *others = (_size([p / shared for p in pair]) for pair in (constant, *found.values()))
+    return f"{first} > " + " + ".join(others)
 
 
-def _shared(pairs: Sequence[tuple[Sum, Sum]]) -> tuple[int, ...]:
-    """Powers that all terms have: a common factor."""
-    every = [m for pair in pairs for part in pair for m in part]
-    return tuple(min(column) for column in zip(*every, strict=True))
-
-
-def _size(pair: tuple[Sum, Sum], names: Sequence[str], shared: Sequence[int]) -> str:
-    """The largest value of A cos + B sin, written out."""
-    parts = [_written(part, names, shared) for part in pair if part]
+def _size(pair: Sequence[Poly]) -> str:
+    """The largest value of A cos + B sin, written out, with first terms that are positive."""
+    signed = [-p if p.leading_coefficient() < 0 else p for p in pair if p != 0]
+    parts = [str(p).replace("*", " ") for p in signed]
     if len(parts) == 1:
         return f"|{parts[0]}|" if not parts[0].isdigit() else parts[0]
     squares = [f"{p}^2" if p.isidentifier() or p.isdigit() else f"({p})^2" for p in parts]
     return f"sqrt({' + '.join(squares)})"
-
-
-def _written(
-    part: Mapping[tuple[int, ...], int], names: Sequence[str], shared: Sequence[int]
-) -> str:
-    """``2 a2 d4 - a3^2``, its first term positive: only its square or size counts."""
-    sign = 1 if next(iter(part.values())) > 0 else -1
-    out = ""
-    for m, value in part.items():
-        powers = [(name, k - less) for name, k, less in zip(names, m, shared, strict=True)]
-        factors = [name if k == 1 else f"{name}^{k}" for name, k in powers if k]
-        number = value * sign
-        body = " ".join([str(abs(number))] * (abs(number) != 1 or not factors) + factors)
-        out += f" {'-' if number < 0 else '+'} {body}" if out else body
-    return out
 
 
 def design_form(lengths: Lengths, joints: Sequence[str], seconds: float) -> DesignForm:
