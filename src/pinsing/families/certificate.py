@@ -18,8 +18,8 @@ import itertools
 import json
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -115,7 +115,6 @@ class _Known:
 
     terms: dict[int, Poly]  # what each relation is multiplied by
     units: Poly  # what the minor is multiplied by: units and a number
-    depth: int  # over how many other minors: 0 for a multiple of one relation
 
 
 class _Minors:
@@ -144,6 +143,7 @@ class _Minors:
         for lines, minor in self.minors.items():
             if (multiple := self._multiple(minor)) is not None:
                 self.known[lines] = multiple
+        plain = len(self.known)
         while more := {
             lines: one
             for lines in [lines for lines in self.minors if lines not in self.known]
@@ -152,10 +152,10 @@ class _Minors:
             self.known |= more
         found: list[Sum] = []
         totals: list[Poly] = []
-        for lines, known in sorted(self.known.items(), key=lambda item: item[1].depth):
+        # Each is told by those before it.
+        for lines, known in itertools.islice(self.known.items(), plain, None):
             self.draft.require_time()
-            minor = self.minors[lines]
-            if known.depth == 0 or any(self.ring.divides(p, minor) for p in totals):
+            if any(self.ring.divides(p, self.minors[lines]) for p in totals):
                 continue
             total = self._written(known)
             found.append(total)
@@ -166,10 +166,10 @@ class _Minors:
     def _multiple(self, minor: Poly) -> _Known | None:
         """A minor that is a multiple of one relation, or zero."""
         if minor == 0:
-            return _Known({}, self.ring.one, 0)
+            return _Known({}, self.ring.one)
         for at, p in enumerate(self.family.relations):
             if self.ring.divides(p, minor):
-                return _Known({at: self.ring.reduced(divmod(minor, p)[0])}, self.ring.one, 0)
+                return _Known({at: self.ring.reduced(divmod(minor, p)[0])}, self.ring.one)
         return None
 
     def _sum(self, lines: Lines) -> _Known | None:
@@ -194,8 +194,7 @@ class _Minors:
         total = {at: c for at, c in total.items() if c != 0}
         units = self.ring.reduced(common * unit)
         *left, units = self.ring.stripped(*total.values(), units)
-        depth = 1 + max((known.depth for _, known, _ in terms), default=0)
-        return _Known(dict(zip(total, left, strict=True)), units, depth)
+        return _Known(dict(zip(total, left, strict=True)), units)
 
     def _relations(self, lines: Lines) -> Iterator[tuple[int, int, list[tuple[int, _Known, Poly]]]]:
         """Yield rows and columns by which a minor follows from known ones, with these and factors.
@@ -230,43 +229,20 @@ def sum_of(first: int, multiples: Mapping[int, Poly]) -> Sum:
     return [[form_text(c / number), first + k] for k, c in terms.items()]
 
 
-@dataclass
-class Soundness:
-    """What a certificate says for a family: the minors that have the pivot's lines vanish there."""
+def soundness(draft: Draft, family: Place) -> list[Sum]:
+    """Return sums of multiples of a family's forms that all minors are multiples of, or NotFound.
 
-    # a minor that is zero on no component; without lines it is 1, and all minors are meant
-    pivot: Lines = ((), ())
-    # forms that are zero on no component: the minors may be multiplied by them
-    apart: list[Poly] = field(default_factory=list)
-    # sums of multiples of the family's forms that these minors are multiples of
-    multiples: list[Sum] = field(default_factory=list)
-
-
-def soundness(draft: Draft, family: Place, codimension: int) -> Soundness:
-    """Why all minors vanish on a family, of a codimension; NotFound if that was not seen."""
+    None where each minor is a multiple of one form.
+    """
+    rows, columns = (itertools.combinations(range(side), draft.rank) for side in draft.sides)
     minors, at = dict[Lines, Poly](), draft.at(family.values)
-    place = (family.values, family.relations)
-    plain: set[Lines] = set()
-    for lines in _lines(draft, draft.rank):
+    plain = True
+    for lines in itertools.product(rows, columns):
         draft.require_time()
         minors[lines] = minor = at(*lines)
-        if draft.ring.vanishes(minor, place):
-            plain.add(lines)
-    if len(plain) == len(minors):
-        return Soundness()
-    # Only of as many forms as its codimension is a family known to have nothing smaller.
-    exact = codimension == len(family.forms)
-    tried: set[Lines] = set()
-    pivot = _pivot(draft, family, plain, tried) if exact else None
-    if pivot is not None:
-        return Soundness(pivot)
-    found = Soundness()
-    for lines, minor in sorted(minors.items(), key=lambda item: len(item[1])) if exact else ():
-        if lines not in plain and _by_division(draft, family, minor, found):
-            plain.add(lines)
-            if (pivot := _pivot(draft, family, plain, tried)) is not None:
-                found.pivot = pivot
-                return found
+        plain = plain and draft.ring.vanishes(minor, (family.values, family.relations))
+    if plain:
+        return []
     multiples, totals = _Minors(draft, family, minors).sums()
     for minor in minors.values():
         draft.require_time()
@@ -275,69 +251,10 @@ def soundness(draft: Draft, family: Place, codimension: int) -> Soundness:
             continue
         combined = combination(draft.ring, draft.ring.stripped(minor)[0], family.relations)
         if combined is None:
-            break
+            raise NotFound(f"{place_text(family)} is not shown to be singular")
         multiples.append(sum_of(len(family.values), dict(enumerate(combined))))
         totals += draft.ring.stripped(minor)
-    else:
-        return Soundness(multiples=multiples)
-    raise NotFound(f"{place_text(family)} is not shown to be singular")
-
-
-def _by_division(draft: Draft, family: Place, minor: Poly, found: Soundness) -> bool:
-    """Add a sum that a minor is a multiple of, but for what is zero on no component."""
-    ring = draft.ring
-    for f, _ in draft.factors(minor):
-        for tops, times, multiples in divisions(ring, f, family.relations):
-            if not _is_apart(draft, family, tops):
-                continue
-            found.multiples.append(sum_of(len(family.values), dict(enumerate(multiples))))
-            for factor, power in draft.factors(times):
-                found.apart += [factor] * (power - found.apart.count(factor))
-            return True
-    return False
-
-
-def _is_apart(draft: Draft, family: Place, form: Poly) -> bool:
-    """Return True if a form is seen to be zero on no component of a family."""
-    count = len(family.relations) + 1
-    forms = [*family.relations, *draft.ring.stripped(form)]
-    return draft.shown(lambda: draft.ring.codimension_at_least(count, forms), most=MOST_WORK)
-
-
-def _lines(draft: Draft, size: int) -> Iterable[Lines]:
-    """Rows and columns of all minors of a size."""
-    rows, columns = (itertools.combinations(range(side), size) for side in draft.sides)
-    return itertools.product(rows, columns)
-
-
-def _pivot(draft: Draft, family: Place, plain: set[Lines], tried: set[Lines]) -> Lines | None:
-    """Return the shortest minor of one line less, zero on no component, that only plain ones have.
-
-    Without lines where all are plain.
-    """
-    if len(plain) == math.prod(math.comb(side, draft.rank) for side in draft.sides):
-        return (), ()
-    found: list[tuple[int, Lines]] = []
-    minor = draft.at(family.values)
-    for lines in _lines(draft, draft.rank - 1):
-        draft.require_time()
-        wider = (
-            [tuple(sorted((*part, k))) for k in range(count) if k not in part]
-            for part, count in zip(lines, draft.sides, strict=True)
-        )
-        if lines in tried or not plain.issuperset(itertools.product(*wider)):
-            continue
-        if (form := minor(*lines)) != 0:
-            found.append((len(draft.ring.stripped(form)[0]), lines))
-    # Pivots that are tried, the shortest first, but for those that division shows to be zero there.
-    for _, lines in sorted(found)[:12]:
-        tried.add(lines)
-        form = minor(*lines)
-        ways = divisions(draft.ring, form, family.relations)
-        zero = any(_is_apart(draft, family, tops) for tops, _, _ in ways)
-        if not zero and _is_apart(draft, family, form):
-            return lines
-    return None
+    return multiples
 
 
 _MANY = 3
@@ -716,15 +633,15 @@ def certificate(
             for part in draft.parts(forms) if in_parts else [draft.place_of(forms)]:
                 # The search divided all minors by what it calls proven, or saw them vanish.
                 plain = c.proven and len(part.relations) < 2
-                why = Soundness() if plain else soundness(draft, part, c.codimension)
+                multiples = [] if plain else soundness(draft, part)
                 data["families"].append(
                     {
                         "name": name,
                         "forms": [draft.number(f) for f in part.forms],
                         "least_codimension": c.codimension,
-                        "pivot": [list(lines) for lines in why.pivot],
-                        "apart": [draft.number(f) for f in why.apart],
-                        "multiples": why.multiples,
+                        "pivot": [[], []],
+                        "apart": [],
+                        "multiples": multiples,
                     }
                 )
         root = Tree(draft, progress).place([])
@@ -780,19 +697,16 @@ def _written(place: Place, draft: Draft, number: Mapping[int, int]) -> dict[str,
 
 def _ordered(root: Place | None) -> list[Place]:
     """Places so that each stands before those that it leads to."""
-    seen: set[int] = set()
-    order: list[Place] = []
+    order: dict[int, Place] = {}
 
     def visit(place: Place | None) -> None:
-        if place is None or id(place) in seen or place.family is not None:
-            return
-        seen.add(id(place))
-        for then in [*(then for _, _, then in place.cases), place.then]:
-            visit(then)
-        order.append(place)
+        if place is not None and place.family is None and id(place) not in order:
+            for then in [*(then for _, _, then in place.cases), place.then]:
+                visit(then)
+            order[id(place)] = place
 
     visit(root)
-    return order[::-1]
+    return list(order.values())[::-1]
 
 
 def text_of(data: Mapping[str, Any]) -> str:
