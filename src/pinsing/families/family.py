@@ -186,21 +186,144 @@ _AGAIN = 3
 """Times that points are looked for again, where some were not the family's own; or in vain."""
 
 
-class Members:
-    """The set of configurations that a family is, made of its branches."""
+def asked_for(families: Mapping[str, Family], names: Iterable[str]) -> tuple[str, ...]:
+    """Names of the families that are asked for by name or title, such as F2 or wrist."""
+    found: list[str] = []
+    for word in names:
+        alike = [k for k, f in families.items() if word and word in (k, f.title)]
+        if not alike:
+            known = [w for k, f in families.items() for w in (k, f.title) if w]
+            raise UnknownNameError("family", str(word), known)
+        found += alike
+    return tuple(dict.fromkeys(found))
 
-    # name, branches, reachability, limit_tolerance, lower, upper, prismatic, length_scale and
-    # confirm: as ``Family`` has them
+
+_HEADER = ("", "singular where", "kind", "reachable", "why")
+_TONES: dict[bool | None, str] = {True: "alarm", False: "good"}
+
+
+def families_table(rows: Iterable[Sequence[str]], named: Iterable[tuple[str, str]]) -> str:
+    """Rows of families with their header, and the joints that their symbols stand for."""
+    where = legend((latex_symbol(symbol), joint) for symbol, joint in named if symbol != joint)
+    return table(rows, _HEADER) + where
+
+
+@dataclass(frozen=True, eq=False)
+class Family(JsonResult):
+    """A component of the singular set of an arm, joined with its mirror images.
+
+    Attributes
+    ----------
+    name : str
+        ``F1``, ``F2``, ... in the order of the closed form.
+    text, latex : str
+        The condition in one line.
+    branches : tuple of Branch
+        The pieces whose union the family is.
+    joints : tuple of str
+        Names, in the model, of the joints involved.
+    codimension : int
+        Number of joints minus the dimension at a generic real point.
+    proof : str
+        "algebra" if every minor was shown to vanish by division; "generic points" if that was
+        decided at random points of every component, exactly, modulo a prime of 62 bits.
+    real : bool
+        Whether a real point was found; looked for as ``sample`` looks, but within the time of the
+        closed form. False does not prove that there is none.
+    reachability : Reachability
+        A text too: "reachable" (with ``witness``), "at the joint limit" (beyond it by less
+        than the angle tolerance, as by a rounded 1.5708; see ``limits_met``), "not reachable"
+        (proven), or "none found".
+    limit_tolerance : (n,) array or None
+        By how much the limits count as wider; None: by nothing.
+    value_reach : tuple of ValueReach
+        Each value that the family fixes a joint at, and whether the limits allow it.
+    limits_met : tuple of str
+        Limits that the family lies a little beyond, with both numbers.
+    witness : (n,) array or None
+        A configuration of the family inside the joint limits, wider by ``limit_tolerance`` where
+        the family is at them.
+    generic : (n,) array or None
+        A generic configuration of it; the witness where there is one.
+    rank : int or None
+        Rank of the task Jacobian at the generic point.
+    lost : tuple of str
+        The motion lost there, in words.
+    kind : str
+        "boundary", "interior" or "undecided" where all points that were looked at, 32 at most,
+        agree, which is no proof for the others; else "varies", and ``kinds`` says where, or how
+        often.
+    kinds : tuple of KindPart
+        Each kind that was met.
+    reason : str
+        Which joint axes are dependent there, and why.
+    raw_ratio : float or None
+        Largest sigma_r / sigma_1 over sample points, on the geometry as given in the file;
+        None where it agrees with the nominal one.
+    lower, upper : (n,) arrays
+        Joint limits.
+    prismatic : (n,) array of bool
+        Which joints slide.
+    length_scale : float
+        Metres.
+    components : tuple of Component
+        The same in exact polynomials of the half-angles; not written to JSON.
+    confirm : callable or None
+        Where equations of neighbouring axes hold at regular configurations too (where five of
+        these axes depend on each other): which points of them (N, n) are singular, by the
+        rank. Where equations touch zero (``confirm.touching``): what gives their points all
+        digits. Not written to JSON.
+    solved : tuple of SolvedFor
+        Its long equations, each solved for a joint that enters once.
+    at_once : tuple of AtOnce
+        Of several long equations that hold at once: which joints can be chosen, and how the
+        others follow; empty where there are none.
+    title : str
+        "wrist", "elbow" or "shoulder" where the geometry warrants it (`pinsing.families.describe`
+        has the rule); else empty.
+    arm : Arm or None
+        The arm, whose whole model's configurations are taken too; None where the family was read
+        from a file.
+    """
+
+    schema: ClassVar[str] = "pinsing/family/1"
+    made_by: ClassVar[str] = "pinsing.closed_form(arm).families"
+
     name: str
+    text: str
+    latex: str
     branches: tuple[Branch, ...]
+    joints: tuple[str, ...]
+    codimension: int
+    proof: str
+    real: bool
     reachability: Reachability
-    limit_tolerance: Array | None
+    witness: Array | None
+    generic: Array | None
+    rank: int | None
+    lost: tuple[str, ...]
+    kind: str
+    reason: str
+    raw_ratio: float | None
     lower: Array
     upper: Array
     prismatic: Bool
     length_scale: float
-    arm: Arm | None  # the arm, where it is known
-    confirm: OwnPoints | None
+    kinds: tuple[KindPart, ...] = ()
+    limit_tolerance: Array | None = None
+    limits_met: tuple[str, ...] = ()
+    components: tuple[Component, ...] = field(default=(), repr=False, metadata={"json": False})
+    confirm: OwnPoints | None = field(default=None, repr=False, metadata={"json": False})
+    solved: tuple[SolvedFor, ...] = field(default=(), metadata={"optional": True})
+    at_once: tuple[AtOnce, ...] = field(default=(), metadata={"optional": True})
+    arm: Arm | None = field(default=None, repr=False, metadata={"json": False})
+    value_reach: tuple[ValueReach, ...] = field(default=(), metadata={"optional": True})
+    title: str = field(default="", metadata={"optional": True})
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Exact polynomials live in a ring of this process: like JSON, pickles go without them,
+        # and without the arm's model.
+        return {**self.__dict__, "components": (), "arm": None, "confirm": None}
 
     @property
     def n(self) -> int:
@@ -560,146 +683,6 @@ class Members:
         array = real_numbers(columns_of(q, self.space.names, "q"), "q")
         require_values(array, self.space.names, "q")
         return array
-
-
-def asked_for(families: Mapping[str, Family], names: Iterable[str]) -> tuple[str, ...]:
-    """Names of the families that are asked for by name or title, such as F2 or wrist."""
-    found: list[str] = []
-    for word in names:
-        alike = [k for k, f in families.items() if word and word in (k, f.title)]
-        if not alike:
-            known = [w for k, f in families.items() for w in (k, f.title) if w]
-            raise UnknownNameError("family", str(word), known)
-        found += alike
-    return tuple(dict.fromkeys(found))
-
-
-_HEADER = ("", "singular where", "kind", "reachable", "why")
-_TONES: dict[bool | None, str] = {True: "alarm", False: "good"}
-
-
-def families_table(rows: Iterable[Sequence[str]], named: Iterable[tuple[str, str]]) -> str:
-    """Rows of families with their header, and the joints that their symbols stand for."""
-    where = legend((latex_symbol(symbol), joint) for symbol, joint in named if symbol != joint)
-    return table(rows, _HEADER) + where
-
-
-@dataclass(frozen=True, eq=False)
-class Family(Members, JsonResult):
-    """A component of the singular set of an arm, joined with its mirror images.
-
-    Attributes
-    ----------
-    name : str
-        ``F1``, ``F2``, ... in the order of the closed form.
-    text, latex : str
-        The condition in one line.
-    branches : tuple of Branch
-        The pieces whose union the family is.
-    joints : tuple of str
-        Names, in the model, of the joints involved.
-    codimension : int
-        Number of joints minus the dimension at a generic real point.
-    proof : str
-        "algebra" if every minor was shown to vanish by division; "generic points" if that was
-        decided at random points of every component, exactly, modulo a prime of 62 bits.
-    real : bool
-        Whether a real point was found; looked for as ``sample`` looks, but within the time of the
-        closed form. False does not prove that there is none.
-    reachability : Reachability
-        A text too: "reachable" (with ``witness``), "at the joint limit" (beyond it by less
-        than the angle tolerance, as by a rounded 1.5708; see ``limits_met``), "not reachable"
-        (proven), or "none found".
-    limit_tolerance : (n,) array or None
-        By how much the limits count as wider; None: by nothing.
-    value_reach : tuple of ValueReach
-        Each value that the family fixes a joint at, and whether the limits allow it.
-    limits_met : tuple of str
-        Limits that the family lies a little beyond, with both numbers.
-    witness : (n,) array or None
-        A configuration of the family inside the joint limits, wider by ``limit_tolerance`` where
-        the family is at them.
-    generic : (n,) array or None
-        A generic configuration of it; the witness where there is one.
-    rank : int or None
-        Rank of the task Jacobian at the generic point.
-    lost : tuple of str
-        The motion lost there, in words.
-    kind : str
-        "boundary", "interior" or "undecided" where all points that were looked at, 32 at most,
-        agree, which is no proof for the others; else "varies", and ``kinds`` says where, or how
-        often.
-    kinds : tuple of KindPart
-        Each kind that was met.
-    reason : str
-        Which joint axes are dependent there, and why.
-    raw_ratio : float or None
-        Largest sigma_r / sigma_1 over sample points, on the geometry as given in the file;
-        None where it agrees with the nominal one.
-    lower, upper : (n,) arrays
-        Joint limits.
-    prismatic : (n,) array of bool
-        Which joints slide.
-    length_scale : float
-        Metres.
-    components : tuple of Component
-        The same in exact polynomials of the half-angles; not written to JSON.
-    confirm : callable or None
-        Where equations of neighbouring axes hold at regular configurations too (where five of
-        these axes depend on each other): which points of them (N, n) are singular, by the
-        rank. Where equations touch zero (``confirm.touching``): what gives their points all
-        digits. Not written to JSON.
-    solved : tuple of SolvedFor
-        Its long equations, each solved for a joint that enters once.
-    at_once : tuple of AtOnce
-        Of several long equations that hold at once: which joints can be chosen, and how the
-        others follow; empty where there are none.
-    title : str
-        "wrist", "elbow" or "shoulder" where the geometry warrants it (`pinsing.families.describe`
-        has the rule); else empty.
-    arm : Arm or None
-        The arm, whose whole model's configurations are taken too; None where the family was read
-        from a file.
-    """
-
-    schema: ClassVar[str] = "pinsing/family/1"
-    made_by: ClassVar[str] = "pinsing.closed_form(arm).families"
-
-    name: str
-    text: str
-    latex: str
-    branches: tuple[Branch, ...]
-    joints: tuple[str, ...]
-    codimension: int
-    proof: str
-    real: bool
-    reachability: Reachability
-    witness: Array | None
-    generic: Array | None
-    rank: int | None
-    lost: tuple[str, ...]
-    kind: str
-    reason: str
-    raw_ratio: float | None
-    lower: Array
-    upper: Array
-    prismatic: Bool
-    length_scale: float
-    kinds: tuple[KindPart, ...] = ()
-    limit_tolerance: Array | None = None
-    limits_met: tuple[str, ...] = ()
-    components: tuple[Component, ...] = field(default=(), repr=False, metadata={"json": False})
-    confirm: OwnPoints | None = field(default=None, repr=False, metadata={"json": False})
-    solved: tuple[SolvedFor, ...] = field(default=(), metadata={"optional": True})
-    at_once: tuple[AtOnce, ...] = field(default=(), metadata={"optional": True})
-    arm: Arm | None = field(default=None, repr=False, metadata={"json": False})
-    value_reach: tuple[ValueReach, ...] = field(default=(), metadata={"optional": True})
-    title: str = field(default="", metadata={"optional": True})
-
-    def __getstate__(self) -> dict[str, Any]:
-        # Exact polynomials live in a ring of this process: like JSON, pickles go without them,
-        # and without the arm's model.
-        return {**self.__dict__, "components": (), "arm": None, "confirm": None}
 
     @property
     def is_reachable(self) -> bool | None:
