@@ -10,11 +10,10 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
-from flint import arb, ctx, fmpq, fmpz_poly
+from flint import acb_poly, ctx, fmpq, fmpq_poly
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.matrix import dependent
@@ -24,7 +23,6 @@ from pinsing.algebra.ring import (
     Ring as AlgebraRing,
     Value,
     coefficients_by,
-    fraction,
     rational,
 )
 from pinsing.algebra.surd_ring import SurdRing
@@ -157,148 +155,101 @@ def form_of(poly: Poly, own: AlgebraRing, context: Any, roots: Sequence[int]) ->
     return context.from_dict(found)
 
 
-Squares = list[tuple[Fraction, Poly]]
+Squares = list[tuple[fmpq, Poly]]
 """Positive factors, and forms that are squared."""
 
 
 def squares(ring: Ring, p: Poly) -> tuple[Poly, Squares] | None:
     """Return a form, a multiple of ``p``, and a sum of squares that are the same."""
     # Where ``p`` is in one joint that is a multiple by 1 or -1; else the square is completed in one
-    # joint, and what is left is a sum of squares in the others.
+    # joint, and what is left is a sum of squares in the others: with p = a y^2 + b x y + c x^2,
+    # 4 a p = (2 a y + b x)^2 + (4 a c - b^2) x^2.
     joints = ring.joints(p)
     if len(joints) == 1:
-        for sign in (1, -1):
-            if (parts := _in_one_joint(ring, sign * p, joints[0])) is not None:
-                return ring.one * sign, parts
-        return None
+        both = ((ring.one * sign, _in_one_joint(ring, sign * p)) for sign in (1, -1))
+        return next(((sign, parts) for sign, parts in both if parts is not None), None)
     for j in joints:
-        if ring.degree(p, j) == 2 and (found := _completed(ring, p, j)) is not None:
-            return found
+        if ring.degree(p, j) != 2:
+            continue
+        x, y = ring.pairs[j]
+        parts = coefficients_by(p, (2 * j, 2 * j + 1))
+        a, b, c = (parts.get((2 - k, k), ring.zero) for k in (2, 1, 0))
+        rest = 4 * a * c - b * b
+        if (left := _in_one_joint(ring, rest) if rest != 0 else []) is not None:
+            return 4 * a, [(fmpq(1), 2 * a * y + b * x), *((w, g * x) for w, g in left)]
     return None
 
 
-def _completed(ring: Ring, p: Poly, j: int) -> tuple[Poly, Squares] | None:
-    """With p = a y^2 + b x y + c x^2: 4 a p = (2 a y + b x)^2 + (4 a c - b^2) x^2."""
-    x, y = ring.pairs[j]
-    parts = coefficients_by(p, (2 * j, 2 * j + 1))
-    a, b, c = (parts.get((2 - k, k), ring.zero) for k in (2, 1, 0))
-    if (rest := 4 * a * c - b * b) == 0:
-        return 4 * a, [(Fraction(1), 2 * a * y + b * x)]
-    if len(ring.joints(rest)) > 1:
+def _in_one_joint(ring: Ring, p: Poly) -> Squares | None:
+    """A number, or a form in one joint, as a sum of squares, if it is nowhere negative."""
+    if len(ring.joints(p)) > 1:
         return None
-    if not ring.joints(rest):
-        value = rest.leading_coefficient()
-        return (
-            (4 * a, [(Fraction(1), 2 * a * y + b * x), (fraction(value), x)]) if value > 0 else None
-        )
-    if (left := _in_one_joint(ring, rest, ring.joints(rest)[0])) is None:
-        return None
-    return 4 * a, [(Fraction(1), 2 * a * y + b * x), *((w, g * x) for w, g in left)]
-
-
-def _in_one_joint(ring: Ring, p: Poly, j: int) -> Squares | None:
-    """A form in one joint as a sum of squares, if it is nowhere negative."""
     constant, factors = p.factor()
-    if constant < 0 or ring.squares:
+    if constant < 0 or (factors and ring.squares):
         return None
-    found: Squares = [(fraction(constant), ring.one)]
+    found: Squares = [(constant, ring.one)]
     for f, times in factors:
         found = [(w, g * f ** (times // 2)) for w, g in found]
         if times % 2:
-            if (one := _positive(ring, f, j)) is None:
+            if (one := _positive(ring, f)) is None:
                 return None
             found = [(w * u, g * h) for w, g in found for u, h in one]
     return found
 
 
-def _positive(ring: Ring, f: Poly, j: int) -> Squares | None:
+def _positive(ring: Ring, f: Poly) -> Squares | None:
     """An irreducible form in one joint as a sum of squares, if it has no real zero."""
-    degree = ring.degree(f, j)
-    if degree % 2:
-        return None
-    coefficients = [Fraction(0)] * (degree + 1)
-    for m, c in f.to_dict().items():
-        coefficients[m[2 * j + 1]] = fraction(c)
+    (j,) = ring.joints(f)
+    (x, y), degree = ring.pairs[j], ring.degree(f, j)
+    by_power = {m[2 * j + 1]: c for m, c in f.to_dict().items()}
+    p = fmpq_poly([by_power.get(k, 0) for k in range(degree + 1)])
     # How small a part of a polynomial is set aside for rounding: 2 to the minus these.
-    for part in (8, 16, 32, 64, 128):
-        if (parts := _of_positive(coefficients, part)) is not None:
-            return [(w, _form(ring, g, j)) for w, g in parts]
+    for part in (8, 16, 32, 64, 128) if degree % 2 == 0 and p[0] > 0 and p[degree] > 0 else ():
+        if (parts := _of_positive(p, degree // 2, part)) is not None:
+            powers = [y**k * x ** (degree // 2 - k) for k in range(degree // 2 + 1)]
+            return [(w, sum(g[k] * m for k, m in enumerate(powers))) for w, g in parts]
     return None
 
 
-def _form(ring: Ring, coefficients: Sequence[Fraction], j: int) -> Poly:
-    (x, y), top = ring.pairs[j], len(coefficients) - 1
-    return sum((rational(c) * y**k * x ** (top - k) for k, c in enumerate(coefficients)), ring.zero)
-
-
-def _of_positive(p: list[Fraction], part: int) -> list[tuple[Fraction, list[Fraction]]] | None:
+def _of_positive(p: fmpq_poly, half: int, part: int) -> list[tuple[fmpq, fmpq_poly]] | None:
     """Return a polynomial in t as squares: A^2 + B^2 from its roots, and what rounding leaves.
 
     From a p - e (1 + t^2 + ... + t^2m) without real roots, whose roots above the real axis give A +
     iB. The rest is e t^2k and small odd terms, and d t^(2k+1) is half of |d| (t^(k+1) +- t^k)^2
     less that of t^(2k+2) and t^2k.
     """
-    half = len(p) // 2
-    if p[0] <= 0 or p[-1] <= 0:
-        return None
+    t, lead = fmpq_poly([0, 1]), p[2 * half]
     if half == 1:  # complete the square
-        c, b, a = p
-        rest = c - b * b / (4 * a)
-        return (
-            [(a, [b / (2 * a), Fraction(1)]), (rest, [Fraction(1), Fraction(0)])]
-            if rest > 0
-            else None
-        )
-    small = min(p[0], p[-1]) / 2**part
-    less = [c - (small if k % 2 == 0 else 0) for k, c in enumerate(p)]
+        rest = p[0] - p[1] ** 2 / (4 * lead)
+        return [(lead, t + p[1] / (2 * lead)), (rest, t**0)] if rest > 0 else None
+    small = min(p[0], lead) / 2**part
+    less = p - fmpq_poly([small, 0] * half + [small])
     if (parts := _from_roots(less, part + 16)) is None:
         return None
-    lead = less[-1]
-    left = list(p)
-    for g in parts:
-        for i, k in itertools.product(range(half + 1), repeat=2):
-            left[i + k] -= lead * g[i] * g[k]
-    found = [(lead, g) for g in parts if any(g)]
+    lead -= small
+    found = [(lead, g) for g in parts if g != 0]
+    left = p - lead * sum(g * g for g in parts)
     for k in range(half):
         if d := left[2 * k + 1]:
-            sign = 1 if d > 0 else -1
-            pair = [Fraction(0)] * (half + 1)
-            pair[k], pair[k + 1] = Fraction(sign), Fraction(1)
+            pair = t ** (k + 1) + (t**k if d > 0 else -(t**k))
             found.append((abs(d) / 2, pair))
-            left[2 * k] -= abs(d) / 2
-            left[2 * k + 2] -= abs(d) / 2
-    for k in range(half + 1):
-        if left[2 * k] < 0:
-            return None
-        if left[2 * k] > 0:
-            found.append((left[2 * k], [Fraction(int(i == k)) for i in range(half + 1)]))
-    return found
+            left -= abs(d) / 2 * pair * pair
+    if any(left[2 * k] < 0 for k in range(half + 1)):
+        return None
+    return found + [(left[2 * k], t**k) for k in range(half + 1) if left[2 * k] > 0]
 
 
-def _from_roots(p: list[Fraction], bits: int) -> tuple[list[Fraction], list[Fraction]] | None:
+def _from_roots(p: fmpq_poly, bits: int) -> list[fmpq_poly] | None:
     """A and B, rounded, of a polynomial that is its first coefficient times A^2 + B^2."""
-    scale = math.lcm(*(c.denominator for c in p))
     # Precision of the roots that a sum of squares is made from.
     with ctx.workprec(200):
-        roots = fmpz_poly([int(c * scale) for c in p]).complex_roots()
+        roots = p.numer().complex_roots()
         if any(z.imag.contains(0) for z, _ in roots):
             return None
-        real, imag = [arb(1)], [arb(0)]
-        for z in (z for z, times in roots if z.imag > 0 for _ in range(times)):
-            real, imag = (
-                [b - z.real * a + z.imag * c for a, b, c in _shifted(real, imag)],
-                [b - z.real * a - z.imag * c for a, b, c in _shifted(imag, real)],
-            )
-        return [_rounded(c, bits) for c in real], [_rounded(c, bits) for c in imag]
-
-
-def _shifted(own: list[arb], other: list[arb]) -> Iterator[tuple[arb, arb, arb]]:
-    """Coefficients of a polynomial, of t times it, and of another one, power by power."""
-    return zip([*own, arb(0)], [arb(0), *own], [*other, arb(0)], strict=True)
-
-
-def _rounded(value: arb, bits: int) -> Fraction:
-    return Fraction(round(float(value.mid() * 2**bits)), 2**bits)
+        above = acb_poly.from_roots([z for z, times in roots for _ in range(times) if z.imag > 0])
+        sides = [c.real for c in above.coeffs()], [c.imag for c in above.coeffs()]
+        rounded = ([round(float(c.mid() * 2**bits)) for c in side] for side in sides)
+        return [fmpq_poly(side, 2**bits) for side in rounded]
 
 
 def divisions(

@@ -65,28 +65,28 @@ def snap_hint(offset: float, families: Sequence[Family] | None, complete: bool =
     )
 
 
-def unsolved_hint(systems: int) -> str:
-    """One line: equations that finitely many joint values would say better."""
+def unsolved_hint(systems: int) -> list[str]:
+    """Return a line on equations that finitely many joint values would say better, if any."""
     one = ("a system of equations was", "it stays")
     many, they = one if systems == 1 else (f"{systems} systems of equations were", "they stay")
-    return (
+    said = (
         f"time was over before {many} solved for joint values: {they} as stated, which is as true; "
         "more time (--seconds) may give these"
     )
+    return [said] if systems else []
 
 
-def by_rank_hint(families: Sequence[Family], rank: int) -> str | None:
-    """Return a line on families that are equations and the rank; None if none is."""
+def by_rank_hint(families: Sequence[Family], rank: int) -> list[str]:
+    """Return a line on families that are equations and the rank, if any is."""
     # Equations of neighbouring axes, or of slices, may be zero at regular configurations, too.
     asked = [f for f in families if f.confirm is not None and not f.confirm.touching]
     names = [f.name for f in asked if any(b.equations for b in f.branches)]
-    return (
+    said = (
         f"equations of {', '.join(names)}: they may hold at some regular configurations, too; "
         f"singular are those at which the rank drops below {rank}, for which `contains`, "
         "`distance` and `sample` ask"
-        if names
-        else None
     )
+    return [said] if names else []
 
 
 Prove: TypeAlias = bool | Literal["auto"] | None
@@ -268,18 +268,15 @@ def _found(
         steps = search.random
         # Share of the time that there is for describing families, however long finding them took.
         maker.time = describing = whole.part(1.0, 0.1)
-        pieces = [maker.own(c, maker.make(c), search.components) for c in search.components]
-        unsolved = maker.unsolved
-        left_out = [c for c, p in zip(search.components, pieces, strict=True) if not p]
-        inside = [
-            bool(p) and maker.lies_in_another(c, p, search.components)
-            for c, p in zip(search.components, pieces, strict=True)
-        ]
-        left_out += [c for c, within in zip(search.components, inside, strict=True) if within]
         grouped: dict[object, list[SolvedPiece]] = {}
-        for parts, within in zip(pieces, inside, strict=True):
-            for piece in () if within else parts:
+        for c in search.components:
+            pieces = maker.own(c, maker.make(c), search.components)
+            if not pieces or maker.lies_in_another(c, pieces, search.components):
+                left_out.append(c)
+                continue
+            for piece in pieces:
                 grouped.setdefault((piece.real, mirror_key(piece)), []).append(piece)
+        unsolved = maker.unsolved
         for i, group in enumerate(grouped.values(), 1):
             # Most take little; one that takes long leaves as much to the others.
             # Share of what is left for describing families that one of them may take.
@@ -306,19 +303,16 @@ def _found(
         )  # fmt: skip
     if counted is not None and counted.off:
         gaps.append(f"{counted.sentence()}, and so it is over another: something is missing")
-    hints: tuple[str, ...] = ()
+    hints: list[str] = []
     if snap_length == 0 and (offset := small_offset(geometry)):
         if whole.over:
-            hints = (snap_hint(offset, None),)
+            hints.append(snap_hint(offset, None))
         else:
             # Share of what is left for what lengths snapped away would change.
             snapped = _found(arm, whole.part(0.5), angle_tol, LENGTH, told=False)
             if [f.text for f in snapped.families] != [f.text for f in families]:
-                hints = (snap_hint(offset, snapped.families, snapped.complete),)
-    if unsolved:
-        hints += (unsolved_hint(unsolved),)
-    if (by_rank := by_rank_hint(families, rank)) is not None:
-        hints += (by_rank,)
+                hints.append(snap_hint(offset, snapped.families, snapped.complete))
+    hints += unsolved_hint(unsolved) + by_rank_hint(families, rank)
     stated_families = tuple(families)
     return ClosedForm(
         arm=summarize(arm),
@@ -336,7 +330,7 @@ def _found(
         snaps=tuple(str(s) for s in (*geometry.snaps, *moved)),
         jacobian_change=geometry.jacobian_change,
         seconds=time.monotonic() - started,
-        hints=hints,
+        hints=tuple(hints),
         random_steps=steps,
         steps=() if search is None else tuple(search.steps),
         slice_count=counted,
