@@ -18,7 +18,7 @@ import itertools
 import json
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -46,7 +46,6 @@ from pinsing.families.proof_forms import (
     roots_in,
     skeleton,
     squares,
-    top_of,
     vanishes,
 )
 from pinsing.proof.checker import MOST_WORK, Poly, Rejected, Ring, verify
@@ -229,32 +228,75 @@ def sum_of(first: int, multiples: Mapping[int, Poly]) -> Sum:
     return [[form_text(c / number), first + k] for k, c in terms.items()]
 
 
-def soundness(draft: Draft, family: Place) -> list[Sum]:
-    """Return sums of multiples of a family's forms that all minors are multiples of, or NotFound.
+def soundness(draft: Draft, family: Place, codimension: int) -> dict[str, Any]:
+    """What a certificate says of why all minors vanish on a family; NotFound if that was not seen.
 
-    None where each minor is a multiple of one form.
+    Nothing where each minor is a multiple of one form; else a pivot, or sums of multiples of the
+    forms that the minors are multiples of.
     """
-    rows, columns = (itertools.combinations(range(side), draft.rank) for side in draft.sides)
     minors, at = dict[Lines, Poly](), draft.at(family.values)
-    plain = True
-    for lines in itertools.product(rows, columns):
+    place = (family.values, family.relations)
+    plain: set[Lines] = set()
+    for lines in _lines(draft, draft.rank):
         draft.require_time()
         minors[lines] = minor = at(*lines)
-        plain = plain and draft.ring.vanishes(minor, (family.values, family.relations))
-    if plain:
-        return []
+        if draft.ring.vanishes(minor, place):
+            plain.add(lines)
+    if len(plain) == len(minors):
+        return {}
+    # Only of as many forms as its codimension is a family known to have nothing smaller.
+    exact = codimension == len(family.forms)
+    if exact and (pivot := _pivot(draft, family, plain)) is not None:
+        return {"pivot": [list(lines) for lines in pivot]}
     multiples, totals = _Minors(draft, family, minors).sums()
     for minor in minors.values():
         draft.require_time()
-        place = (family.values, [*family.relations, *totals])
-        if draft.ring.vanishes(minor, place):
+        if draft.ring.vanishes(minor, (family.values, [*family.relations, *totals])):
             continue
         combined = combination(draft.ring, draft.ring.stripped(minor)[0], family.relations)
         if combined is None:
             raise NotFound(f"{place_text(family)} is not shown to be singular")
         multiples.append(sum_of(len(family.values), dict(enumerate(combined))))
         totals += draft.ring.stripped(minor)
-    return multiples
+    return {"multiples": multiples}
+
+
+def _lines(draft: Draft, size: int) -> Iterable[Lines]:
+    """Rows and columns of all minors of a size."""
+    rows, columns = (itertools.combinations(range(side), size) for side in draft.sides)
+    return itertools.product(rows, columns)
+
+
+def _pivot(draft: Draft, family: Place, plain: set[Lines]) -> Lines | None:
+    """Return the shortest minor of one line less, zero on no component, that only plain ones have.
+
+    These vanish on the family.
+    """
+    found: list[tuple[int, Lines]] = []
+    minor = draft.at(family.values)
+    for lines in _lines(draft, draft.rank - 1):
+        draft.require_time()
+        wider = (
+            [tuple(sorted((*part, k))) for k in range(count) if k not in part]
+            for part, count in zip(lines, draft.sides, strict=True)
+        )
+        if plain.issuperset(itertools.product(*wider)) and (form := minor(*lines)) != 0:
+            found.append((len(draft.ring.stripped(form)[0]), lines))
+    # Pivots that are tried, the shortest first, but for those that division shows to be zero there.
+    for _, lines in sorted(found)[:12]:
+        form = minor(*lines)
+        ways = divisions(draft.ring, form, family.relations)
+        zero = any(_is_apart(draft, family, tops) for tops, _, _ in ways)
+        if not zero and _is_apart(draft, family, form):
+            return lines
+    return None
+
+
+def _is_apart(draft: Draft, family: Place, form: Poly) -> bool:
+    """Return True if a form is seen to be zero on no component of a family."""
+    count = len(family.relations) + 1
+    forms = [*family.relations, *draft.ring.stripped(form)]
+    return draft.shown(lambda: draft.ring.codimension_at_least(count, forms), most=MOST_WORK)
 
 
 _MANY = 3
@@ -440,16 +482,10 @@ class Tree:
         if relations and whole <= len(relations):
             if not place.points and self.ring.codimension_at_least(whole, relations):
                 yield from self._at_points(place, alone)
-            # Terms of all relations beyond which they are not divided by each other.
-            short = sum(map(len, relations)) <= 200
-            if 1 < len(relations) <= _MANY + 1 and short:
-                yield from self._remainders(place)
-                yield from self._toward_families(place)
             if len(relations) <= _MANY:
                 yield from self._resultants(place)
         yield from (m for m in minors if m not in easy)
         if 1 < len(relations) < min(whole, _MANY + 1):
-            yield from self._remainders(place)
             yield from self._resultants(place)
 
     def _minors(self, place: Place) -> Iterator[Split]:
@@ -546,70 +582,11 @@ class Tree:
                 found.append((sum(lengths), len(found), split))
         return [split for *_, split in sorted(found, key=lambda f: f[:2])]
 
-    def _remainders(self, place: Place) -> Iterator[Split]:
-        """A relation less a multiple of a shorter one, if that is shorter or a product."""
-        ring, first = self.ring, len(place.values)
-        for b, p in enumerate(place.relations):
-            for a, r in enumerate(place.relations[:b]):
-                quotient, rest = divmod(p, r)
-                (rest,) = ring.stripped(ring.reduced(rest))
-                if rest != 0 and quotient != 0 and self.draft.is_simpler(rest, p):
-                    yield Split([(ring.one, first + b), (ring.reduced(-quotient), first + a)], rest)
-
-    def _toward_families(self, place: Place) -> Iterator[Split]:
-        """A relation that is, but for a multiple of another one, that of a family times others."""
-        ring, relations = self.ring, place.relations
-        wanted = {
-            self._id(f): f
-            for family in self.families
-            for p in family
-            for f in ring.stripped(ring.put(p, place.values))
-            if f != 0 and ring.joints(f) and not ring.vanishes(f, ({}, relations))
-        }
-        for f in wanted.values():
-            for a, p in enumerate(relations):
-                for j in set(ring.joints(p)) & set(ring.joints(f)):
-                    if len(p) * len(f) <= _LONG and ring.degree(p, j) >= ring.degree(f, j):
-                        yield from self._as_sum(*self._divided(p, f, j), a, place)
-
-    def _as_sum(
-        self, times: Poly, product: Poly, rest: Poly, a: int, place: Place
-    ) -> Iterator[Split]:
-        if product == 0:
-            return
-        first = len(place.values)
-        for b, g in enumerate(place.relations):
-            if b == a or not self.ring.divides(g, rest):
-                continue
-            more = -self.ring.reduced(divmod(rest, g)[0])
-            if self.ring.reduced(more * g + rest) == 0:
-                terms = [(times, first + a)] + ([(more, first + b)] if more != 0 else [])
-                yield Split(terms, self.ring.stripped(product)[0])
-            return
-
-    def _divided(self, p: Poly, f: Poly, j: int) -> tuple[Poly, Poly, Poly]:
-        """Division of forms by y of a joint: times p = product + rest, product a multiple of f."""
-        y, low, lead = self.ring.pairs[j][1], self.ring.degree(f, j), top_of(self.ring, f, j)
-        times, product, rest = self.ring.one, self.ring.zero, p
-        if lead == 0:
-            return times, product, rest
-        for power in range(self.ring.degree(p, j), low - 1, -1):
-            terms = {m: c for m, c in rest.to_dict().items() if m[2 * j + 1] == power}
-            if not terms:
-                continue
-            more = divmod(self.ring.context.from_dict(terms), y**low)[0] * f
-            times = self.ring.reduced(times * lead)
-            product = self.ring.reduced(product * lead + more)
-            rest = self.ring.reduced(rest * lead - more)
-        return times, product, rest
-
 
 def certificate(
-    form: ClosedForm, budget: Budget, progress: Callable[[str], None], in_parts: bool
+    form: ClosedForm, budget: Budget, progress: Callable[[str], None]
 ) -> dict[str, Any]:
     """Return a certificate that the singular set is the union of families, or raise NotFound."""
-    # ``in_parts`` states each component as the union of simpler ones where its equations fall
-    # apart: that finds proofs where the equations as they are do not, and the other way round.
     if (geometry := form.geometry) is None:
         raise NotFound("the closed form was read from a file: without its exact polynomials")
     try:
@@ -629,21 +606,20 @@ def certificate(
             draft.require_time()
             forms = [draft.at_value(j, value) for j, value in c.values.items()]
             forms += [form_of(p, ring, draft.ring.context, roots) for p in c.relations]
-            forms = _without_implied(draft, draft.place_of(forms))
-            for part in draft.parts(forms) if in_parts else [draft.place_of(forms)]:
-                # The search divided all minors by what it calls proven, or saw them vanish.
-                plain = c.proven and len(part.relations) < 2
-                multiples = [] if plain else soundness(draft, part)
-                data["families"].append(
-                    {
-                        "name": name,
-                        "forms": [draft.number(f) for f in part.forms],
-                        "least_codimension": c.codimension,
-                        "pivot": [[], []],
-                        "apart": [],
-                        "multiples": multiples,
-                    }
-                )
+            family = draft.place_of(_without_implied(draft, draft.place_of(forms)))
+            # The search divided all minors by what it calls proven, or saw them vanish.
+            plain = c.proven and len(family.relations) < 2
+            data["families"].append(
+                {
+                    "name": name,
+                    "forms": [draft.number(f) for f in family.forms],
+                    "least_codimension": c.codimension,
+                    "pivot": [[], []],
+                    "apart": [],
+                    "multiples": [],
+                    **({} if plain else soundness(draft, family, c.codimension)),
+                }
+            )
         root = Tree(draft, progress).place([])
     except Rejected as reason:
         raise NotFound(str(reason)) from None
@@ -773,39 +749,33 @@ def within(form: ClosedForm, budget: Budget, progress: Callable[[str], None] | N
 
 
 def _proof(form: ClosedForm, budget: Budget, progress: Callable[[str], None]) -> Proof:
-    """Return what becomes of the search: first of families as stated, then of these in parts."""
+    """Return what becomes of the search."""
     started = time.monotonic()
     reason, stopped = "", False
-    for in_parts in (False, True):
-        if budget.over:
-            stopped = True
-            break
-        try:
-            # Half of the work for the first way, so that some is left for the second.
-            share = budget.part(1.0 if in_parts else 0.5)
-            data = certificate(form, share, progress, in_parts)
-            found = time.monotonic()
-            text = text_of(data)
-            verify(text)
-        except NotFound as problem:
-            reason, stopped = str(problem), stopped or share.over
-        except Rejected as problem:
-            reason = f"the checker says: {problem}"
-        except BudgetExceeded:
-            stopped = True
-        except (OverflowError, RecursionError) as problem:
-            reason = f"the search for one was given up: {problem}"
-        else:
-            return Proof(
-                accepted=True,
-                reason="",
-                size=len(text),
-                places=len(data["places"]),
-                seconds=found - started,
-                check_seconds=time.monotonic() - found,
-                primes=(),
-                certificate=data,
-            )
+    try:
+        data = certificate(form, budget, progress)
+        found = time.monotonic()
+        text = text_of(data)
+        verify(text)
+    except NotFound as problem:
+        reason, stopped = str(problem), budget.over
+    except Rejected as problem:
+        reason = f"the checker says: {problem}"
+    except BudgetExceeded:
+        stopped = True
+    except (OverflowError, RecursionError) as problem:
+        reason = f"the search for one was given up: {problem}"
+    else:
+        return Proof(
+            accepted=True,
+            reason="",
+            size=len(text),
+            places=len(data["places"]),
+            seconds=found - started,
+            check_seconds=time.monotonic() - found,
+            primes=(),
+            certificate=data,
+        )
     if stopped:
         reason = f"none was found in the {budget.allowed} allowed"
     return _none(form, reason, stopped, time.monotonic() - started)
