@@ -319,7 +319,7 @@ class Tree:
         self._fixed = [{*self.ring.where(family)[0]} for family in self.families]
         self._ids = MadeOfEqual()
         self._toward = {self._id(draft.tidy(p)) for family in self.families for p in family}
-        self._places: dict[tuple[bool, frozenset[int]], Place | NotFound | None] = {}
+        self._places: dict[tuple[bool, frozenset[int]], Place | NotFound] = {}
 
     def _id(self, form: Poly) -> int:
         """The same number for equal forms."""
@@ -334,25 +334,13 @@ class Tree:
         if empty(self.ring, place.relations):
             return None
         key = points, frozenset(map(self._id, place.forms))
-        if key in self._places:
-            known = self._places[key]
-            if known is None:
-                raise NotFound("a place leads to itself")
-            if isinstance(known, NotFound):
-                raise known
-            return known
+        if isinstance(failed := self._places.get(key), NotFound):
+            raise failed
         # One that is closed and has some of these forms only holds this one.
-        wider = next(
-            (
-                other
-                for known, other in self._places.items()
-                if isinstance(other, Place) and known[0] == points and known[1] <= key[1]
-            ),
-            None,
-        )
-        if wider is not None:
-            return wider
-        self._places[key] = None
+        for known, other in self._places.items():
+            if isinstance(other, Place) and known[0] == points and known[1] <= key[1]:
+                return other
+        self._places[key] = NotFound("a place leads to itself")
         try:
             self.draft.require_time()
             if self._progress is not None:
@@ -482,10 +470,15 @@ class Tree:
         if relations and whole <= len(relations):
             if not place.points and self.ring.codimension_at_least(whole, relations):
                 yield from self._at_points(place, alone)
+            # Terms of all relations beyond which they are not divided by each other.
+            short = sum(map(len, relations)) <= 200
+            if 1 < len(relations) <= _MANY + 1 and short:
+                yield from self._remainders(place)
             if len(relations) <= _MANY:
                 yield from self._resultants(place)
         yield from (m for m in minors if m not in easy)
         if 1 < len(relations) < min(whole, _MANY + 1):
+            yield from self._remainders(place)
             yield from self._resultants(place)
 
     def _minors(self, place: Place) -> Iterator[Split]:
@@ -581,6 +574,17 @@ class Tree:
             if not known and max(lengths, default=0) < min(both):
                 found.append((sum(lengths), len(found), split))
         return [split for *_, split in sorted(found, key=lambda f: f[:2])]
+
+    def _remainders(self, place: Place) -> Iterator[Split]:
+        """A relation less a multiple of a shorter one, if that is shorter or a product."""
+        ring, first = self.ring, len(place.values)
+        for b, p in enumerate(place.relations):
+            for a, r in enumerate(place.relations[:b]):
+                quotient, rest = divmod(p, r)
+                (rest,) = ring.stripped(ring.reduced(rest))
+                new = rest != 0 and quotient != 0
+                if new and (len(rest) < len(p) or len(self.draft.factors(rest)) > 1):
+                    yield Split([(ring.one, first + b), (ring.reduced(-quotient), first + a)], rest)
 
 
 def certificate(

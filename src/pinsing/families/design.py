@@ -237,7 +237,7 @@ def _triples(rows: Sequence[Sequence[Fraction]]) -> tuple[Length3, ...]:
     return tuple((r[0], r[1], r[2]) for r in rows)
 
 
-Images = Mapping[int, tuple[int, int | None]]
+Images = Mapping[int, Poly]
 """For some variables a number times another variable, or a number alone."""
 
 
@@ -316,7 +316,7 @@ class Changes:
                 if any(known <= set(some) for known in enough):
                     continue
                 self.time.check()
-                if self._everywhere({self.ring.variables(s)[0]: (0, None) for s in some}):
+                if self._everywhere({self.ring.variables(s)[0]: self.ring.zero for s in some}):
                     enough.append(set(some))
                     condition = " = ".join(self.names.names[s] for s in some)
                     yield DesignChange(f"{condition} = 0", "", EVERYWHERE, ())
@@ -325,7 +325,7 @@ class Changes:
         """Special values of one symbol."""
         name, variables = self.names.names[s], self.ring.variables(s)
         if self.ring.prismatic[s]:
-            yield SpecialDesign(f"{name} = 0", (s,), {variables[0]: (0, None)})
+            yield SpecialDesign(f"{name} = 0", (s,), {variables[0]: self.ring.zero})
             return
         # Right angles that a twist is tried at.
         for turn in (0, 2, 1, -1):
@@ -333,13 +333,14 @@ class Changes:
             if abs(quarters - round(quarters)) < 1e-9:
                 # Half-angle coordinates of no, one, two and three right angles.
                 point = ((1, 0), (1, 1), (0, 1), (1, -1))[round(quarters) % 4]
-                images = {v: (x, None) for v, x in zip(variables, point, strict=True)}
+                images = {v: self.ring.number(x) for v, x in zip(variables, point, strict=True)}
                 yield SpecialDesign(f"{name} = {90 * turn}°", (s,), images)
 
     def _equal(self, s: int, t: int, sign: int) -> SpecialDesign:
         """Two lengths that are equal but for a sign."""
         names = self.names.names
-        images = {self.ring.variables(s)[0]: (sign, self.ring.variables(t)[0])}
+        first, second = (self.ring.variables(k)[0] for k in (s, t))
+        images = {first: sign * self.ring.context.gen(second)}
         minus = "-" if sign < 0 else ""
         return SpecialDesign(f"{names[s]} = {minus}{names[t]}", (s, t), images, renames=True)
 
@@ -409,8 +410,8 @@ class Changes:
         """Return True if the rank is less at all configurations."""
         for _ in range(2):  # one that is regular is enough
             point = self._residues.random_point(self._rng)
-            for v, (number, other) in images.items():
-                point[v] = number * (1 if other is None else point[other]) % self._residues.prime
+            for v, image in images.items():
+                point[v] = int(self._residues.of(image)(*point)) if image != 0 else 0
             if self._residues.rank_at(self.matrix, point) >= self.rank:
                 return False
         return True
@@ -421,8 +422,8 @@ class Changes:
         if not any(degrees[v] for v in images):
             return poly
         put = list(self.ring.context.gens())
-        for v, (number, other) in images.items():
-            put[v] = self.ring.one * number if other is None else put[other] * number
+        for v, image in images.items():
+            put[v] = image
         return self.ring.strip(self.ring.reduce(poly.compose(*put, ctx=self.ring.context)))
 
     def _texts(self, groups: Sequence[Sequence[Poly]]) -> tuple[str, ...]:
