@@ -11,7 +11,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component, inside, settled
 from pinsing.algebra.ring import make_ring
 from pinsing.families import closed_form
-from pinsing.families.slice_search import without_inner
+from pinsing.families.slices import without_inner
 
 
 @pytest.fixture(scope="module")
