@@ -72,8 +72,7 @@ def test_a_box_with_nothing_in_it_is_not_searched_at_random(monkeypatch):
         monkeypatch.setattr(zero_set, "_PROOF_TERMS", short)
         monkeypatch.setattr(zero_set, "project", counted)
         rng = RNG(5)
-        box = SearchBox(far - 0.15, far + 0.15, FREE, ZERO)
-        assert len(search([ONCE], box, 4, rng)) == 0
+        assert len(search([ONCE], SearchBox(far - 0.15, far + 0.15, FREE, ZERO), 4, rng)) == 0
         assert sum(moved) >= most
         assert most or sum(moved) == 0
         drawn.append(rng.random(3).tolist())

@@ -11,16 +11,9 @@ from public import script
 import pinsing
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
+from pinsing.families import slices
 from pinsing.families.form import families_html, families_text
 from pinsing.families.modular_chain import ModularChain
-from pinsing.families.slices import (
-    RandomSingular,
-    SliceCount,
-    SlicePoints,
-    Slices,
-    SliceSearch,
-    count_on_slices,
-)
 from pinsing.families.steps import ComponentSearch
 
 
@@ -72,12 +65,14 @@ def test_all_singular_points_of_a_slice_are_met_and_no_others(kept, field, prime
 
 def test_all_points_lie_on_complete_families_and_one_less_is_noticed(kept, panda):
     ring = kept.maker.ring
-    whole = count_on_slices(kept.maker.geometry, panda.task, ring, kept.components, 2, Budget(60))
+    whole = slices.count_on_slices(
+        kept.maker.geometry, panda.task, ring, kept.components, 2, Budget(60)
+    )
     assert (whole.joints, whole.slices, whole.choices, whole.off) == (2, 10, 10, 0)
     assert whole.points > 10
     for k in range(len(kept.components)):
         some = [c for i, c in enumerate(kept.components) if i != k]
-        less = count_on_slices(kept.maker.geometry, panda.task, ring, some, 2, Budget(60))
+        less = slices.count_on_slices(kept.maker.geometry, panda.task, ring, some, 2, Budget(60))
         if less.off:
             break
     else:
@@ -121,7 +116,7 @@ def test_slices_lead_to_what_is_missing(kept, panda):
     at_values = [c for c in kept.components if len(c.values) > 1]
     assert at_values
     some = [c for c in kept.components if c is not at_values[0]]
-    found = SliceSearch(kept.maker.geometry, task, ring, some, 2, Budget(60))
+    found = slices.SliceSearch(kept.maker.geometry, task, ring, some, 2, Budget(60))
     found.run()
     assert found.enough
     assert found.count.off == 0
@@ -132,11 +127,13 @@ def test_slices_lead_to_what_is_missing(kept, panda):
 
 
 def test_with_little_known_and_no_time_nothing_is_said(kept, panda):
-    found = SliceSearch(kept.maker.geometry, panda.task, kept.maker.ring, [], 2, Budget(1e-6))
+    found = slices.SliceSearch(
+        kept.maker.geometry, panda.task, kept.maker.ring, [], 2, Budget(1e-6)
+    )
     found.run()
     assert not found.enough
     assert found.components == []
-    count = SliceCount(4, 1, 35, 0, 0, 23, 31)
+    count = slices.SliceCount(4, 1, 35, 0, 0, 23, 31)
     assert count.sentence().startswith("no singular point was met on one random slice of 4 joints")
     assert replace(count, points=2_000, off=1).sentence().startswith("1 of 2,000 singular points")
 
@@ -144,13 +141,13 @@ def test_with_little_known_and_no_time_nothing_is_said(kept, panda):
 @pytest.mark.slow
 def test_real_points_lead_where_no_slice_does(kept, monkeypatch):
     n = len(kept.ring.prismatic)
-    real = RandomSingular.of(kept.maker, Budget(60))
+    real = slices.RandomSingular.of(kept.maker, Budget(60))
     assert not real.off(kept.components).any()
 
     def none(self, prime, time):
         raise ValueError
 
-    monkeypatch.setattr(Slices, "turn", none)
+    monkeypatch.setattr(slices.Slices, "turn", none)
     tried = 0
     for out in kept.components:
         others = [c for c in kept.components if c is not out]
@@ -158,7 +155,7 @@ def test_real_points_lead_where_no_slice_does(kept, monkeypatch):
             continue
         tried += 1
         task = kept.maker.geometry.arm.task
-        found = SliceSearch(
+        found = slices.SliceSearch(
             kept.maker.geometry, task, kept.ring, others, n - 5, Budget(60), real=real
         )
         found.run()
@@ -167,7 +164,7 @@ def test_real_points_lead_where_no_slice_does(kept, monkeypatch):
     assert tried
 
 
-class Told(Slices):
+class Told(slices.Slices):
     """Slices of which it is told which of their points each component has, by field."""
 
     def __init__(self, **on):
@@ -183,19 +180,19 @@ def test_values_that_are_the_same_over_one_field_alone_stay_apart():
     small, large = (Component({0: v}, (), True, 1) for v in ((0, 1), (1, 0)))
     known = [small, large]
     nothing = np.zeros((2, 20), dtype=np.int64)
-    slices = [SlicePoints(p, 1, nothing.T, nothing, nothing) for p in (7, 11)]
+    points = [slices.SlicePoints(p, 1, nothing.T, nothing, nothing) for p in (7, 11)]
     every, some, none = [True] * 20, [True] * 10 + [False] * 10, [False] * 20
     for second in (none, some):  # ten points are too few to tell
         told = Told(small={7: every, 11: second}, large={7: every, 11: every})
-        assert told.without_parts(slices, known) == known
+        assert told.without_parts(points, known) == known
     told = Told(small={7: every, 11: every}, large={7: every, 11: every})
-    assert len(told.without_parts(slices, known)) == 1
+    assert len(told.without_parts(points, known)) == 1
     most = [True] * 15 + [False] * 5
     told = Told(small={7: every, 11: every}, large={7: every, 11: most})
-    assert told.without_parts(slices, known) == [small]
+    assert told.without_parts(points, known) == [small]
 
     def off(components):  # one real point on each alone
         return ~np.array([small in components, large in components])
 
     told = Told(small={7: every, 11: every}, large={7: every, 11: every})
-    assert told.without_parts(slices, known, off) == known
+    assert told.without_parts(points, known, off) == known
