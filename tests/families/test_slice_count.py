@@ -64,15 +64,13 @@ def test_all_singular_points_of_a_slice_are_met_and_no_others(kept, field, prime
 
 
 def test_all_points_lie_on_complete_families_and_one_less_is_noticed(kept, panda):
-    ring = kept.maker.ring
-    whole = slices.count_on_slices(
-        kept.maker.geometry, panda.task, ring, kept.components, 2, Budget(60)
-    )
+    given = kept.maker.geometry, panda.task, kept.maker.ring
+    whole = slices.count_on_slices(*given, kept.components, 2, Budget(60))
     assert (whole.joints, whole.slices, whole.choices, whole.off) == (2, 10, 10, 0)
     assert whole.points > 10
     for k in range(len(kept.components)):
         some = [c for i, c in enumerate(kept.components) if i != k]
-        less = slices.count_on_slices(kept.maker.geometry, panda.task, ring, some, 2, Budget(60))
+        less = slices.count_on_slices(*given, some, 2, Budget(60))
         if less.off:
             break
     else:
@@ -127,9 +125,8 @@ def test_slices_lead_to_what_is_missing(kept, panda):
 
 
 def test_with_little_known_and_no_time_nothing_is_said(kept, panda):
-    found = slices.SliceSearch(
-        kept.maker.geometry, panda.task, kept.maker.ring, [], 2, Budget(1e-6)
-    )
+    given = kept.maker.geometry, panda.task, kept.maker.ring
+    found = slices.SliceSearch(*given, [], 2, Budget(1e-6))
     found.run()
     assert not found.enough
     assert found.components == []
@@ -154,10 +151,8 @@ def test_real_points_lead_where_no_slice_does(kept, monkeypatch):
         if not out.values or not real.off(others).any():
             continue
         tried += 1
-        task = kept.maker.geometry.arm.task
-        found = slices.SliceSearch(
-            kept.maker.geometry, task, kept.ring, others, n - 5, Budget(60), real=real
-        )
+        given = kept.maker.geometry, kept.maker.geometry.arm.task, kept.ring
+        found = slices.SliceSearch(*given, others, n - 5, Budget(60), real=real)
         found.run()
         assert not real.off(found.components).any()
         assert not found.enough  # no slice was asked
