@@ -59,22 +59,6 @@ def test_gradient_against_finite_differences(name, rng):
     np.testing.assert_allclose(B[0, 0], difference[:, -1] / (2 * h), atol=1e-8)
 
 
-def test_equations_are_the_schur_complement(rng):
-    """U0' J(q + dq) V0 at first order, all of it, against finite differences (r < m, n > r)."""
-    arm = arms.planar((1, 0.8, 0.5, 0.3), task="pose")
-    q = refine(arm, rng.uniform(-1, 1, arm.n), ignore_limits=True).q
-    B, sigma = constraint_gradient(arm, q)
-    # On the singular set the rank drops again along any tangent: B dq = 0 keeps sigma_r = 0.
-    _, s, Vt = np.linalg.svd(B[0])
-    tangent = Vt[int((s > 1e-9).sum()) :]
-    assert len(tangent) == 2
-    for d in tangent:
-        moved = singular_values(arm, q + 1e-4 * d)
-        assert moved[0, -1] < 1e-7 * sigma[0, 0]
-    for d in Vt[: arm.n - 2]:
-        assert singular_values(arm, q + 1e-4 * d)[0, -1] > 1e-6 * sigma[0, 0]
-
-
 def test_double_zero_of_the_stanford_arm():
     """det has d3 squared: sigma_min touches zero, where a plain Newton step halves the error."""
     arm = arms.textbook("stanford")
