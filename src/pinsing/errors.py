@@ -65,7 +65,7 @@ class Refusal(Exception):
     """An error that is raised in one line, where something is wrong."""
 
     @classmethod
-    def refuse_if(cls, wrong: object, *problem: Any) -> None:
+    def refuse_if(cls, wrong: object, *problem: Any, **data: Any) -> None:
         """Raise the error that says what the problem is, if something is wrong.
 
         Parameters
@@ -74,6 +74,8 @@ class Refusal(Exception):
             Anything that counts as true where there is something wrong.
         problem : tuple
             What the class takes.
+        data : dict
+            What the class takes by name.
 
         Examples
         --------
@@ -83,7 +85,7 @@ class Refusal(Exception):
         pinsing.errors.OptionError: four are too many
         """
         if wrong:
-            raise cls(*problem)
+            raise cls(*problem, **data)
 
 
 class PinsingError(Refusal):

@@ -40,10 +40,10 @@ class Refused(Exception):
     """Something that no expression may do."""
 
     @classmethod
-    def refuse_if(cls, wrong: object, problem: str) -> None:
+    def refuse_if(cls, wrong: object, *problem: Any) -> None:
         """Raise it if something is wrong."""
         if wrong:
-            raise cls(problem)
+            raise cls(*problem)
 
 
 @dataclass(frozen=True, eq=False)

@@ -466,26 +466,30 @@ class _Placed(Loader):
 
 def _count(root: yaml.Node, file: str) -> None:
     """Refuse YAML that its own references make endless or huge."""
-    sizes: dict[int, int | None] = {}
+    sizes: dict[int, int] = {}
 
     def size(node: yaml.Node) -> int:
-        known = sizes.get(id(node), 0)
-        line = node.start_mark.line + 1
-        if known is None:
-            raise RefusedAt("this YAML holds itself", file, line)
+        known, line = sizes.get(id(node)), node.start_mark.line + 1
+        RefusedAt.refuse_if(known == 0, "this YAML holds itself", file, line)
         if known:
             return known
-        sizes[id(node)] = None
-        if node.tag in _NUMBER_TAGS and len(node.value) > LONGEST_NUMBER:
-            raise RefusedAt(f"a number of {len(node.value):,} characters is too long", file, line)
-        parts: list[yaml.Node] = []
-        if isinstance(node, yaml.SequenceNode):
-            parts = node.value
-        elif isinstance(node, yaml.MappingNode):
-            parts = [part for pair in node.value for part in pair]
-        total = 1 + sum(size(part) for part in parts)
-        if total > _MOST_YAML_VALUES:
-            raise RefusedAt(f"this YAML holds more than {_MOST_YAML_VALUES} values", file, line)
+        sizes[id(node)] = 0  # for now
+        RefusedAt.refuse_if(
+            node.tag in _NUMBER_TAGS and len(node.value) > LONGEST_NUMBER,
+            f"a number of {len(node.value):,} characters is too long",
+            file,
+            line,
+        )
+        parts = [] if isinstance(node, yaml.ScalarNode) else node.value
+        if isinstance(node, yaml.MappingNode):
+            parts = [part for pair in parts for part in pair]
+        total = 1 + sum(map(size, parts))
+        RefusedAt.refuse_if(
+            total > _MOST_YAML_VALUES,
+            f"this YAML holds more than {_MOST_YAML_VALUES} values",
+            file,
+            line,
+        )
         sizes[id(node)] = total
         return total
 

@@ -74,22 +74,21 @@ class WholeModel:
         whole = self.source.full_model
         if dq.shape == (len(self.joints),):
             return dq
-        if dq.shape != (whole.nv,):
-            raise ConfigurationError(
-                f"{called} needs {len(self.joints)} values for {', '.join(self.joints)}, or the "
-                f"whole model's {whole.nv}; got shape {dq.shape}",
-                lengths=(len(self.joints), int(whole.nv)),
-            )
+        ConfigurationError.refuse_if(
+            dq.shape != (whole.nv,),
+            f"{called} needs {len(self.joints)} values for {', '.join(self.joints)}, or the "
+            f"whole model's {whole.nv}; got shape {dq.shape}",
+            lengths=(len(self.joints), int(whole.nv)),
+        )
         for j in self._on_the_way():
-            speed = float(dq[whole.joints[j].idx_v])
-            if abs(speed) > ALIKE:
-                name = whole.names[j]
-                raise ConfigurationError(
-                    f"joint {name!r} is locked in this arm, but the whole model's {called} moves "
-                    f"it at {speed:g}: load the arm with that joint as it is",
-                    joint=name,
-                    value=speed,
-                )
+            name, speed = whole.names[j], float(dq[whole.joints[j].idx_v])
+            ConfigurationError.refuse_if(
+                abs(speed) > ALIKE,
+                f"joint {name!r} is locked in this arm, but the whole model's {called} moves "
+                f"it at {speed:g}: load the arm with that joint as it is",
+                joint=name,
+                value=speed,
+            )
         return np.array([dq[whole.joints[whole.getJointId(name)].idx_v] for name in self.joints])
 
     def _on_the_way(self) -> list[int]:
@@ -100,15 +99,6 @@ class WholeModel:
         # A floating base carries the arm's axes.
         path = way_between(whole, base, last).path
         return [j for j in path if j in locked and whole.joints[j].nv == 1]
-
-    def require_length(self, q: Array, called: str) -> None:
-        """Raise a ConfigurationError unless ``q`` is (..., nq)."""
-        whole = int(self.source.full_model.nq)
-        if q.ndim == 0 or q.shape[-1] != whole:
-            raise ConfigurationError(
-                f"{called} needs the whole model's {whole} values, got shape {q.shape}",
-                lengths=(whole,),
-            )
 
     def q_of(self, full_q: Array) -> Array:
         """Return joint vectors (..., n) of configurations (..., nq) of the whole model."""
@@ -448,7 +438,12 @@ class Arm(Advised, Memory):
         (7,)
         """
         array = real_numbers(full_q, "full_q")
-        self._whole.require_length(array, "full_q")
+        whole = int(self.source.full_model.nq)
+        ConfigurationError.refuse_if(
+            array.ndim == 0 or array.shape[-1] != whole,
+            f"full_q needs the whole model's {whole} values, got shape {array.shape}",
+            lengths=(whole,),
+        )
         own = self.check(array, "full_q")
         # Of the same length, it is still in the order of the whole model.
         return self._whole.q_of(array) if array.shape[-1] == self.n else own
@@ -483,10 +478,11 @@ class Arm(Advised, Memory):
         """
         rest = self.source.reference if others is None else real_numbers(others, "others")
         whole = int(self.source.full_model.nq)
-        if rest.shape != (whole,) or not np.isfinite(rest).all():
-            raise ConfigurationError(
-                f"others needs {whole} finite values, got shape {rest.shape}", lengths=(whole,)
-            )
+        ConfigurationError.refuse_if(
+            rest.shape != (whole,) or not np.isfinite(rest).all(),
+            f"others needs {whole} finite values, got shape {rest.shape}",
+            lengths=(whole,),
+        )
         return self._whole.full_q(self.check(q), rest)
 
     @checked

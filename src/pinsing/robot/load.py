@@ -222,19 +222,19 @@ def _choose_tip(
     base_frame, base_joint = base
     if tip is not None:
         last = int(model.frames[frame_index(model, tip)].parentJoint)
-        if tip == "universe" and base_joint:
-            raise ChainError(
-                f"{whole.label}: 'universe' is Pinocchio's world, which cannot be a tip: name a "
-                f"link or frame fixed to it, such as {root_name(model)!r}",
-                tip=tip,
-            )
-        if last == base_joint:
-            raise ChainError(
-                f"{whole.label}: no joint lies between the base and tip {tip!r}; "
-                "choose a tip farther out",
-                base=base_frame,
-                tip=tip,
-            )
+        ChainError.refuse_if(
+            tip == "universe" and base_joint,
+            f"{whole.label}: 'universe' is Pinocchio's world, which cannot be a tip: name a "
+            f"link or frame fixed to it, such as {root_name(model)!r}",
+            tip=tip,
+        )
+        ChainError.refuse_if(
+            last == base_joint,
+            f"{whole.label}: no joint lies between the base and tip {tip!r}; "
+            "choose a tip farther out",
+            base=base_frame,
+            tip=tip,
+        )
         return tip, last, []
     if joints:
         known = list(model.names)[1:]
@@ -262,18 +262,18 @@ def _free_joints(
     model, path = whole.model, way.path
     on_path = [model.names[j] for j in path]
     if joints is not None:
-        if len(set(joints)) < len(joints):
-            twice = next(name for name in joints if list(joints).count(name) > 1)
-            raise ChainError(f"joint {twice!r} is named twice in joints", joint=twice)
+        for name in joints:
+            many = list(joints).count(name) > 1
+            ChainError.refuse_if(many, f"joint {name!r} is named twice in joints", joint=name)
         for name in joints:
             _known("joint", name, list(model.names)[1:])
-            if name not in on_path:
-                raise ChainError(
-                    f"joint {name!r} is not between the base and the tip; "
-                    f"joints there: {', '.join(on_path)}",
-                    joint=name,
-                    joints=tuple(on_path),
-                )
+            ChainError.refuse_if(
+                name not in on_path,
+                f"joint {name!r} is not between the base and the tip; "
+                f"joints there: {', '.join(on_path)}",
+                joint=name,
+                joints=tuple(on_path),
+            )
             JointError.refuse_if(
                 name in whole.mimics,
                 name,

@@ -158,10 +158,12 @@ def chain_limits(model: pin.Model) -> tuple[Array, Array, np.ndarray, list[str]]
                 name,
                 "its limits are not numbers; set lower and upper",
             )
-            if low > high:
-                raise JointError(
-                    name, f"lower limit {low:g} is above upper limit {high:g}", limits=(low, high)
-                )
+            JointError.refuse_if(
+                low > high,
+                name,
+                f"lower limit {low:g} is above upper limit {high:g}",
+                limits=(low, high),
+            )
             if abs(low) > 1e300 or abs(high) > 1e300:  # Pinocchio's way of saying "no limit"
                 low = -np.inf if abs(low) > 1e300 else low
                 high = np.inf if abs(high) > 1e300 else high
