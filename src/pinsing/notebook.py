@@ -17,10 +17,7 @@ from pinsing.errors import Refusal
 from pinsing.prose import WIDTH, visible
 
 _TOKENS = re.compile(r"\\[A-Za-z]+|\\.|\d+(?:\.\d+)?|[A-Za-z]+|[-+=(){}^_/,.<>|:;]|\s+")
-_LETTERS = {"sigma": "σ", "pi": "π", "circ": "°", "varphi": "φ"}
-_OPERATORS = {"pm": "±", "cdot": "·", "le": "≤", "ge": "≥", "times": "×"}
 _THIN, _SPACE, _QUAD = (f'<mspace width="{w}"></mspace>' for w in ("0.17em", "0.4em", "1em"))
-_GAPS = {",": _THIN, " ": _SPACE, "quad": _QUAD}
 _FUNCTIONS = (r"\cos", r"\sin")
 
 
@@ -104,6 +101,8 @@ class _Reader:
         return out
 
     def _element(self, token: str, depth: int) -> list[str]:
+        if token in _FIXED:
+            return _FIXED[token]
         if token[0].isdigit():
             return [f"<mn>{token}</mn>"]
         if token.isalpha():
@@ -122,14 +121,6 @@ class _Reader:
         if command == "pmod":
             inner = f"{_operator('(')}<mi>mod</mi> {_SPACE}{''.join(self._group(depth))}"
             return [_SPACE, f"<mrow>{inner}{_operator(')')}</mrow>"]
-        if token in _FUNCTIONS:
-            return [f"<mi>{command}</mi>", _THIN]
-        if command in _LETTERS:
-            return [f"<mi>{_LETTERS[command]}</mi>"]
-        if command in _OPERATORS:
-            return [_operator(_OPERATORS[command])]
-        if command in _GAPS:
-            return [_GAPS[command]]
         raise _Unknown(token)
 
     def _script(self, base: str, mark: str, depth: int) -> str:
@@ -168,6 +159,25 @@ def _begins(row: list[str]) -> bool:
 def _operator(sign: str) -> str:
     fixed = ' stretchy="false"' if sign in "()" else ""
     return f"<mo{fixed}>{escaped(sign)}</mo>"
+
+
+_FIXED = {
+    r"\sigma": ["<mi>σ</mi>"],
+    r"\pi": ["<mi>π</mi>"],
+    r"\circ": ["<mi>°</mi>"],
+    r"\varphi": ["<mi>φ</mi>"],
+    r"\pm": ["<mo>±</mo>"],
+    r"\cdot": ["<mo>·</mo>"],
+    r"\le": ["<mo>≤</mo>"],
+    r"\ge": ["<mo>≥</mo>"],
+    r"\times": ["<mo>×</mo>"],
+    r"\cos": ["<mi>cos</mi>", _THIN],
+    r"\sin": ["<mi>sin</mi>", _THIN],
+    r"\,": [_THIN],
+    r"\ ": [_SPACE],
+    r"\quad": [_QUAD],
+}
+"""Commands of LaTeX that always stand for the same elements."""
 
 
 _COLORS = {"alarm": "#b00020", "caution": "#8a5a00", "good": "#1b6e3c"}
