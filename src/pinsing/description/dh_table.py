@@ -138,16 +138,8 @@ class DHTable:
     base: Placement = Placement()  # frame 0 in ``base_link``, of a standard table
 
 
-@dataclass(frozen=True)
-class _Units:
-    """Factors of a table's units; ``pi`` is the power of pi in the unit of an angle."""
-
-    angle: Fraction
-    pi: int
-    length: Fraction
-
-    def value(self, node: YamlNode, quantity: str) -> float:
-        return node.number(self.angle, self.pi) if quantity == "angle" else node.number(self.length)
+_Units = dict[str, tuple[Fraction, int | None]]
+"""Of an angle and a length: its size in SI units, and the power of pi in it."""
 
 
 def read_dh(path: str | Path) -> DHTable:
@@ -216,11 +208,10 @@ def _read_units(node: YamlNode) -> _Units:
     keys = node.mapping(("angle", "length"))
     radians = keys["angle"].choice(("rad", "deg")) == "rad"
     metres = keys["length"].choice(("m", "mm")) == "m"
-    return _Units(
-        angle=Fraction(1) if radians else Fraction(1, 180),
-        pi=0 if radians else 1,
-        length=Fraction(1) if metres else Fraction(1, 1000),
-    )
+    return {
+        "angle": (Fraction(1), 0) if radians else (Fraction(1, 180), 1),
+        "length": (Fraction(1) if metres else Fraction(1, 1000), None),
+    }
 
 
 def _read_name(node: YamlNode) -> str:
@@ -234,12 +225,9 @@ def _read_name(node: YamlNode) -> str:
 
 def _read_dh(keys: dict[str, YamlNode], units: _Units) -> tuple[float, float, float, float]:
     """Return alpha [rad], a [m], d [m], theta [rad]."""
-    return (
-        units.value(keys["alpha"], "angle"),
-        units.value(keys["a"], "length"),
-        units.value(keys["d"], "length"),
-        units.value(keys["theta"], "angle"),
-    )
+    alpha, theta = (keys[key].number(*units["angle"]) for key in ("alpha", "theta"))
+    a, d = (keys[key].number(*units["length"]) for key in ("a", "d"))
+    return alpha, a, d, theta
 
 
 def _read_row(node: YamlNode, number: int, units: _Units) -> DHRow:
@@ -250,17 +238,16 @@ def _read_row(node: YamlNode, number: int, units: _Units) -> DHRow:
         keys, (*_DH_KEYS, "type", *["limits"] * (kind != "continuous")), type=" or ".join(kinds),
         limits=f"[lower, upper] (a {kind} joint needs them)",
     )  # fmt: skip
-    quantity = "length" if kind == "prismatic" else "angle"
+    unit = units["length" if kind == "prismatic" else "angle"]
     lower = upper = None
     if kind != "continuous":
-        low, high = keys["limits"].items("value", length=2)
-        lower, upper = units.value(low, quantity), units.value(high, quantity)
+        lower, upper = (end.number(*unit) for end in keys["limits"].items("value", length=2))
         keys["limits"].refuse_if(lower > upper, "the lower limit is above the upper one: swap them")
     elif "limits" in keys:
         raise keys["limits"].error(
             "a continuous joint has none: remove them, or make the joint revolute"
         )
-    velocity = units.value(keys["velocity"], quantity) if "velocity" in keys else None
+    velocity = keys["velocity"].number(*unit) if "velocity" in keys else None
     effort = keys["effort"].number() if "effort" in keys else None
     for key, value in (("velocity", velocity), ("effort", effort)):
         if value is not None and value < 0:
@@ -279,7 +266,7 @@ def _read_tool(node: YamlNode, units: _Units, convention: Convention) -> Placeme
         return modified_row(alpha, a, d, theta)
     keys = node.mapping((), ("xyz", "rpy"))
     vectors = {
-        key: tuple(units.value(item, quantity) for item in keys[key].items("value", length=3))
+        key: tuple(item.number(*units[quantity]) for item in keys[key].items("value", length=3))
         for key, quantity in (("xyz", "length"), ("rpy", "angle"))
         if key in keys
     }
@@ -291,32 +278,10 @@ __all__ = [
     "DHTable",
     "bare_urdf",
     "dh_to_urdf",
-    "joint_placements",
     "read_dh",
     "urdf_folder",
     "with_turns",
 ]
-
-
-def joint_placements(table: DHTable) -> tuple[tuple[Placement, ...], Placement]:
-    """Return where each joint sits in the link before it, and frame n in the last link.
-
-    Each joint turns about, or slides along, the z axis of its placement. In a standard table that
-    is z of the frame before, so joint i takes the fixed part of row i - 1. In a modified table it
-    is z of frame i itself; only the fixed theta, which commutes with the joint, is handed on to the
-    next placement, so that every rotation is ``Rz(theta) Rx(alpha)``: roll and yaw of a URDF, digit
-    for digit.
-    """
-    rows = table.rows
-    if table.convention == "standard":
-        fixed = [screw(row.theta, row.d, row.a, row.alpha) for row in rows]
-        return (table.base, *fixed[:-1]), fixed[-1]
-    thetas = (0.0, *(row.theta for row in rows))
-    joints = tuple(
-        screw(theta, 0.0, row.a, row.alpha, beyond=row.d)
-        for theta, row in zip(thetas, rows, strict=False)
-    )
-    return joints, screw(thetas[-1])
 
 
 @functools.lru_cache  # xacro is a process of its own: a sixth of a second
@@ -349,12 +314,26 @@ def with_turns(table: DHTable, turning: Collection[int]) -> list[tuple[str, str,
     Twists of the rows ``turning``, counted from 1, are joints of their own, about x; their names
     begin with a digit, which those of rows never do. What ends the chain has no axis: frame n, and
     the tool.
+
+    Each joint turns about, or slides along, the z axis of its placement. In a standard table that
+    is z of the frame before, so joint i takes the fixed part of row i - 1. In a modified table it
+    is z of frame i itself; only the fixed theta, which commutes with the joint, is handed on to the
+    next placement, so that every rotation is ``Rz(theta) Rx(alpha)``: roll and yaw of a URDF, digit
+    for digit.
     """
-    joints, last = joint_placements(table)
-    ends = [(row.name, "z", place) for row, place in zip(table.rows, joints, strict=True)]
+    rows, standard = table.rows, table.convention == "standard"
+    thetas = (0.0, *(row.theta for row in rows))
+    if standard:
+        places = [table.base, *(screw(row.theta, row.d, row.a, row.alpha) for row in rows)]
+    else:
+        places = [
+            screw(theta, 0.0, row.a, row.alpha, beyond=row.d)
+            for theta, row in zip(thetas, rows, strict=False)
+        ]
+        places.append(screw(thetas[-1]))
+    *joints, last = places
+    ends = [(row.name, "z", place) for row, place in zip(rows, joints, strict=True)]
     ends += [("", "", place) for place in (last, table.tool) if place is not None]
-    standard = table.convention == "standard"
-    thetas = (0.0, *(row.theta for row in table.rows))
     for i in sorted(turning, reverse=True):
         row, k = table.rows[i - 1], i if standard else i - 1
         theta = row.theta if standard else thetas[i - 1]
