@@ -1,11 +1,11 @@
 """Equations: values, gradients, and that the printed text says the same as the numbers."""
 
 import math
-import re
 from fractions import Fraction
 
 import numpy as np
 import pytest
+from printed import value_of
 from singular_sets import RIGHT, Array, arm_of, closed, terms
 from tiers import sampled, tiered
 
@@ -103,88 +103,13 @@ def test_gradient_with_sliders() -> None:
     assert np.isfinite(e.gradient(at_zero)).all()
 
 
-_TOKEN = re.compile(
-    r"\s*(?:(?P<number>\d+\.?\d*(?:e[-+]?\d+)?)|(?P<name>[a-z]+\d*)|(?P<other>[-+^()/°]))"
-)
-
-
-class Parser:
-    """Values of the left-hand sides that equations print: sums of products, juxtaposed."""
-
-    def __init__(self, text: str, q: dict[str, float]) -> None:
-        self.q = q
-        self.tokens: list[str] = []
-        position = 0
-        while position < len(text):
-            match = _TOKEN.match(text, position)
-            assert match, f"cannot read {text[position:]!r}"
-            self.tokens.append(match.group().strip())
-            position = match.end()
-
-    def peek(self) -> str:
-        return self.tokens[0] if self.tokens else ""
-
-    def take(self) -> str:
-        return self.tokens.pop(0)
-
-    def sum(self) -> float:
-        sign = -1.0 if self.peek() == "-" else 1.0
-        if self.peek() in "+-" and self.peek():
-            self.take()
-        total = sign * self.product()
-        while self.peek() in ("+", "-"):
-            sign = 1.0 if self.take() == "+" else -1.0
-            total += sign * self.product()
-        return total
-
-    def product(self) -> float:
-        value = self.power()
-        while self.peek() and self.peek() not in "+-)":
-            if self.peek() == "/":
-                self.take()
-                value /= self.power()
-            else:
-                value *= self.power()
-        return value
-
-    def power(self) -> float:
-        value = self.atom()
-        if self.peek() == "^":
-            self.take()
-            value **= float(self.take())
-        return value
-
-    def atom(self) -> float:
-        token = self.take()
-        if token == "(":
-            value = self.sum()
-            assert self.take() == ")"
-        elif token in ("sin", "cos"):
-            value = float({"sin": np.sin, "cos": np.cos}[token](self.power()))
-        elif token in self.q:
-            value = self.q[token]
-        else:
-            value = float(token)
-            if self.peek() == "°":
-                self.take()
-                value = float(np.radians(value))
-        return value
-
-
-def read(text: str, q: dict[str, float]) -> float:
-    left, right = text.split(" = ")
-    assert right == "0"
-    parser = Parser(left, q)
-    value = parser.sum()
-    assert not parser.tokens
-    return value
-
-
 def says_the_same(e: Equation, seed: int = 1) -> None:
     rng = np.random.default_rng(seed)
     Q = rng.uniform(-3, 3, (6, len(e.joints)))
     for q in Q:
-        printed = read(e.text(), dict(zip(e.joints, q, strict=True)))
+        left, right = e.text().split(" = ")
+        printed = value_of(left, dict(zip(e.joints, q, strict=True)))
+        assert right == "0"
         # Six digits of each coefficient, four decimals of a degree in each angle.
         assert printed == pytest.approx(float(e(q)), abs=2e-5 * e.size * 3.0 ** e.powers.max())
 

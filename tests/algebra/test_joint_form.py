@@ -12,6 +12,7 @@ import pytest
 from command_line import run as pinsing_command
 from dh_arms import CRX, GOFA, dh_arm
 from node import needs_node, run
+from printed import value_of
 from singular_sets import terms
 from tiers import sampled, tiered
 
@@ -130,33 +131,6 @@ def test_grouping_changes_nothing(name: str, exact: bool) -> None:
             assert all(joint not in part.involved for part in parts.values())
 
 
-_CALL = re.compile(r"(cos|sin)([²³]?)(?: (q\d+)|\(\(([^()]*)\)/2\)|\(([^()]*)/2\)|\(([^()]*)\))")
-
-
-def read(text: str, q: np.ndarray) -> float:
-    """The value of an expression as it is printed."""
-    text = _CALL.sub(lambda m: f"{_call(m, q)!r}", text)
-    text = re.sub(r"√(\d)", lambda m: repr(math.sqrt(int(m[1]))), text)
-    text = re.sub(r"(?<=[\d)]) (?=[\d(])", " * ", text)
-    return float(eval(text))
-
-
-def _call(found: re.Match[str], q: np.ndarray) -> float:
-    """The value of a printed sine or cosine, a bracket about it where it is negative."""
-    name, power, plain, halved, half, inner = found.groups()
-    body = plain or halved or half or inner
-    angle = re.sub(r"(\d+) q", r"\1*q", body)
-    angle = re.sub(r"q(\d+)", lambda m: f"q[{int(m[1]) - 1}]", angle)
-    angle = re.sub(r"([\d.]+)°", r"math.radians(\1)", angle)
-    value = eval(angle, {"math": math, "q": q}) / (2 if halved or half else 1)
-    return _Bracketed(getattr(math, name)(value) ** {"": 1, "²": 2, "³": 3}[power])
-
-
-class _Bracketed(float):
-    def __repr__(self) -> str:
-        return f"({float(self)!r})"
-
-
 @pytest.mark.parametrize(
     "name", tiered(["crx", "gofa", "panda", "xarm7"], ("crx", "gofa", "panda"))
 )
@@ -173,7 +147,8 @@ def test_what_is_printed_can_be_typed_in(name: str) -> None:
                 branch = next(b for b in family.branches if solved.equation in b.equations)
                 for value in branch.values:
                     q[value.joint] = value.value
-                a, b = (read(text, q) for _, text in parts)
+                values = dict(zip(form.symbols, q, strict=True))
+                a, b = (value_of(text, values) for _, text in parts)
                 q[solved.joint] = math.atan2(b, a) + math.pi / 2
                 assert ratios(form.geometry.arm, q)[0] < tol
 

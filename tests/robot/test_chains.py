@@ -2,7 +2,6 @@
 
 import shlex
 
-import numpy as np
 import pinocchio as pin
 import pytest
 from public import script
@@ -92,22 +91,3 @@ def test_too_many_joints_in_a_row_are_refused(tmp_path):
     joints = [joint(f"j{i}", "a", f"l{i}") for i in range(3000)]
     with pytest.raises(ChainError, match="3000 chains could be the arm"):
         load(write(tmp_path, joints, links))
-
-
-def test_endless_prismatic_and_continuous_joints(tmp_path):
-    slide = '<axis xyz="1 0 0"/><limit lower="-1e30" upper="1e30" effort="1" velocity="1"/>'
-    turn = '<origin xyz="0 0 0.4"/><axis xyz="0 1 0"/>'
-    joints = [
-        joint("j1", "a", "b", "continuous", turn),
-        joint("j2", "b", "c", "continuous", turn),
-        joint("j3", "c", "d", "continuous", turn),
-    ]
-    arm = load(write(tmp_path, joints, list("abcd")))
-    assert np.isinf(arm.lower).all()
-    assert arm.span[1].tolist() == [np.pi] * 3
-    path = write(tmp_path, [*joints, joint("j4", "d", "e", "prismatic", slide)], list("abcde"))
-    from pinsing.errors import RobotFileError
-
-    with pytest.raises(RobotFileError, match=r"'j4'.*which are none: give it lower and upper"):
-        load(path)
-    assert load(path, joints=["j1", "j2", "j3"], tip="d").n == 3
