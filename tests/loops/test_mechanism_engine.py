@@ -181,7 +181,7 @@ def test_lost_wrenches_do_no_work_and_free_motions_need_no_motor(name: str) -> N
     ]
     one, two = (mechanism_at(mechanism, x) for x in q)
     lost, free = run(
-        "(m, {data, one, two}) => [m.lostOf(data, ...one), m.freeOf(data, ...two)]",
+        "(m, {data, one, two}) => [m.lostOf(data, ...one), m.looseOf(data, ...two)]",
         {
             "data": data_of(mechanism),
             "one": [one.position.tolist(), one.lost[:, 0].tolist()],

@@ -8,11 +8,8 @@ import { jacobian, placements, tipOf } from "./chain.mjs";
 import { nearestOf } from "./distance.mjs";
 import { outside } from "./limits.mjs";
 import { norm, quaternion, subtract, transpose, turnZTo } from "./linear.mjs";
-import { causes } from "./lost.mjs";
-import { measure, ownTask, tipSpeeds } from "./measured.mjs";
-import { drawnRadii, ellipsoid, flatDirection, pureEllipsoids, verdictOf } from "./measures.mjs";
-import { missingAt } from "./missing.mjs";
-import { reasons } from "./reasons.mjs";
+import { causes, missingAt, reasons } from "./lost.mjs";
+import { drawnRadii, ellipsoid, flatDirection, measure, ownTask, pureEllipsoids, tipSpeeds, verdictOf } from "./measures.mjs";
 
 const ON = 1e-7; // radians: closer is on the family
 const ALIKE = 2e-6; // radians: bounds no farther apart are one distance

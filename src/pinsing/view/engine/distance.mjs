@@ -4,7 +4,7 @@
 import { nearestZero } from "./boxes.mjs";
 import { apart, generator, lowerBound, project } from "./families.mjs";
 import { dot, leastNorm, norm } from "./linear.mjs";
-import { measure } from "./measured.mjs";
+import { measure } from "./measures.mjs";
 import { evaluate, freeOf, sumsOf } from "./sums.mjs";
 
 const LONG = 200, MOST = 200; // terms of a branch from which on few starts are taken; the most of them

@@ -1,9 +1,10 @@
-// Families of singular configurations: equations, and points on them.
+// Families of singular configurations: equations, points on them, where two meet and where a motion crosses them.
 //
 // A family is { branches: [{ values: [{ joint, value }], equations }] }, its equations those of `sums.mjs`.
 
+import { spanOf, turnedInto } from "./limits.mjs";
 import { leastNorm, norm } from "./linear.mjs";
-import { evaluate } from "./sums.mjs";
+import { evaluate, freeOf } from "./sums.mjs";
 
 const ON = 1e-13, TOUCHING = 1e-12, FULL = 2 * Math.PI;
 
@@ -99,3 +100,102 @@ function bisect(f, a, b, fa) {
   return (a + b) / 2;
 }
 
+const LOOK = 0.05, MOST = 64; // radians, or length scales, between two looks; the most of them on a way
+
+// Families [{ name, at: [...] }] crossed on the straight ways from each of the `rows` (n each) to the next, and
+// where: samples from 0 on, with parts of one. A family of one condition is crossed where that changes its
+// sign; those of more conditions are met by chance only.
+export function crossings(families, rows, joints, lengthScale) {
+  const out = [];
+  for (const family of families) {
+    const found = family.reachable === false ? [] : family.branches.flatMap((branch) => crossedBy(branch, rows, joints, lengthScale));
+    if (found.length) out.push({ name: family.name, at: found.sort((a, b) => a - b) });
+  }
+  return out;
+}
+
+function crossedBy({ values, equations }, rows, joints, lengthScale) {
+  if (values.length + equations.length !== 1) return [];
+  const [fixed] = values, out = [];
+  for (let k = 1; k < rows.length; k++) {
+    const a = rows[k - 1], b = rows[k];
+    const parts = fixed ? passed(a[fixed.joint] - fixed.value, b[fixed.joint] - fixed.value, joints[fixed.joint].prismatic)
+      : changes(equations[0], a, b, joints, lengthScale);
+    out.push(...parts.map((part) => k - 1 + part));
+  }
+  return out;
+}
+
+// Where whole turns (a slider: zero) lie strictly between two offsets.
+function passed(a, b, prismatic) {
+  const [low, high] = [Math.min(a, b) / FULL, Math.max(a, b) / FULL], out = [];
+  if (prismatic) return a * b < 0 ? [a / (a - b)] : [];
+  for (let turn = Math.floor(low) + 1; turn < high; turn++) out.push((turn * FULL - a) / (b - a));
+  return out;
+}
+
+function changes(equation, a, b, joints, lengthScale) {
+  const far = Math.max(...a.map((v, j) => Math.abs(b[j] - v) / (joints[j].prismatic ? lengthScale : 1)));
+  const looks = Math.min(MOST, Math.max(1, Math.ceil(far / LOOK)));
+  const valueAt = (part) => evaluate(equation, a.map((v, j) => v + part * (b[j] - v))).value, out = [];
+  let before = valueAt(0);
+  for (let i = 1; i <= looks; i++) {
+    const now = valueAt(i / looks);
+    if (before * now < 0) out.push(bisect(valueAt, (i - 1) / looks, i / looks, before));
+    before = now;
+  }
+  return out;
+}
+
+const SAME = 1e-3, SLACK = 1e-9;
+
+// Up to `count` configurations within the limits that are on both families, those near `start` first;
+// [] where none is found.
+export function meetingPoses(data, one, two, start, count = 3, tries = 20) {
+  const random = generator(31), found = [];
+  const span = data.joints.map((joint) => spanOf(joint, data.task.lengthScale));
+  const draw = () => span.map(([low, high]) => low + random() * (high - low));
+  const branches = one.branches.flatMap((a) => two.branches.flatMap((b) => { const both = merged(a, b, data.joints); return both ? [both] : []; }));
+  for (let k = 0; k < tries; k++) for (const branch of branches) {
+    const q = placed(branch, k ? draw() : start, data.joints, span);
+    const free = freeOf(branch, q.length).map((on, j) => on && !branch.values.some((v) => v.joint === j));
+    const point = branch.equations.length ? project(branch.equations, q, free) : q;
+    if (!point) continue;
+    const inside = folded(point, data.joints, span);
+    if (!inside.every((v, j) => v >= span[j][0] - SLACK && v <= span[j][1] + SLACK)) continue;
+    if (found.every((x) => apartFrom(x, inside, data.joints) > SAME)) found.push(inside);
+  }
+  return spread(found.sort((a, b) => apartFrom(a, start, data.joints) - apartFrom(b, start, data.joints)), data.joints, count);
+}
+
+// What both branches ask for; null where their values contradict each other.
+function merged(a, b, joints) {
+  const values = a.values.slice();
+  for (const v of b.values) {
+    const same = values.find((x) => x.joint === v.joint);
+    if (!same) values.push(v);
+    else if (Math.abs(apart(same.value, v.value, joints[v.joint].prismatic)) > 1e-7) return null;
+  }
+  return { values, equations: [...a.equations, ...b.equations] };
+}
+
+function placed(branch, q, joints, span) {
+  const out = q.slice();
+  for (const { joint, value } of branch.values) out[joint] = value;
+  return folded(out, joints, span);
+}
+
+// Moved by whole turns into the limits where that can be.
+const folded = (q, joints, span) => q.map((v, j) => turnedInto(span[j], v, joints[j].prismatic));
+
+const apartFrom = (a, b, joints) => norm(a.map((v, j) => apart(v, b[j], joints[j].prismatic)));
+
+// The first, and others unlike those already chosen.
+function spread(found, joints, count) {
+  const out = found.slice(0, 1);
+  while (out.length < Math.min(count, found.length)) {
+    const gap = (x) => Math.min(...out.map((y) => apartFrom(x, y, joints)));
+    out.push(found.filter((x) => !out.includes(x)).reduce((a, b) => (gap(b) > gap(a) ? b : a)));
+  }
+  return out;
+}

@@ -7,8 +7,7 @@
 
 import { frameOf, jacobianOf, placements } from "./chain.mjs";
 import { generator } from "./families.mjs";
-import { dot, product, rotationVector, scaled, subtract, times, transpose } from "./linear.mjs";
-import { leastSquares } from "./orthogonal.mjs";
+import { leastSquares, product, rotationVector, scaled, subtract, times, transpose } from "./linear.mjs";
 
 export const CLOSED = 1e-11; // a residual up to this counts as closed
 const ROWS = { planar: 2, "3d": 3, "6d": 6 }, FULL = 2 * Math.PI;
@@ -108,6 +107,3 @@ export function determinant(matrix) {
   }
   return value;
 }
-
-// A x for a matrix given by its columns.
-export const combined = (columns, x) => columns[0].map((_, i) => dot(columns.map((c) => c[i]), x));

@@ -4,19 +4,20 @@
 // A pure force through the tip takes a translation away, a pure moment a rotation, a force off the
 // tip the motion of a line along itself, any other wrench the motion on a screw.
 
-import { add, cross, dot, identity, norm, scaled, subtract, svd, times, transpose } from "./linear.mjs";
-import { pointUp, rankOf } from "./measures.mjs";
+import { add, combined, cross, dot, identity, leastNorm, leftWhere, norm, scaled, subtract, svd, times, transpose } from "./linear.mjs";
+import { inBase, measure, pointUp, rankOf } from "./measures.mjs";
 
 const ALIGNED = (0.1 * Math.PI) / 180;
-export const EXACT = 1e-5;
+const EXACT = 1e-5;
 
 // Lost motions [{ kind, direction, point, pitch, speed, words }] of the span of `basis`, six-vectors
 // with translations over the length scale; `tool` is { position, rotation, size, landmarks }.
-export function lostMotions(basis, J, lengthScale, tool, tol, hardly) {
+function lostMotions(basis, J, lengthScale, tool, tol, hardly) {
   if (!basis.length) return [];
   const forces = basis.map((u) => u.slice(0, 3)), moments = basis.map((u) => u.slice(3));
-  const noMoment = nullSpace(moments, tol), noForce = nullSpace(forces, tol);
-  const rest = complement([...noMoment, ...noForce], basis.length);
+  // Orthonormal coefficients of combinations that have no moment, no force, and of the others.
+  const [noMoment, noForce] = [moments, forces].map((part) => leftWhere(part, (s) => s <= tol)), pure = [...noMoment, ...noForce];
+  const rest = pure.length ? leftWhere(transpose(pure), (s) => s <= 1e-6) : identity(basis.length);
   // What is left of a pure motion is a semi-axis of its ellipsoid, told with the same number.
   const slowest = (directions, rows) => niceBasis(directions, tool.rotation).map((d) => {
     if (!hardly) return d;
@@ -31,25 +32,10 @@ export function lostMotions(basis, J, lengthScale, tool, tol, hardly) {
   return columns.map((u) => describe(u, J, lengthScale, tool, tol, hardly));
 }
 
-export const combined = (vectors, c) => vectors.reduce((sum, v, i) => add(sum, scaled(v, c[i])), new Array(vectors[0].length).fill(0));
-
-// Orthonormal coefficients of combinations of the vectors that vanish.
-function nullSpace(vectors, tol) {
-  const { sigma, left } = svd(vectors);
-  return left.filter((_, k) => (sigma[k] ?? 0) <= tol);
-}
-
-function complement(vectors, d) {
-  if (!vectors.length) return identity(d);
-  const { sigma, left } = svd(transpose(vectors));
-  return left.filter((_, k) => (sigma[k] ?? 0) <= 1e-6);
-}
-
 // Basis of a space of directions: tool axes, base axes, then any.
 function niceBasis(vectors, rotation) {
   if (!vectors.length) return [];
-  const { sigma, left } = svd(transpose(vectors));
-  const inside = left.filter((_, k) => (sigma[k] ?? 0) > 0.5 * sigma[0]), chosen = [];
+  const inside = leftWhere(transpose(vectors), (s, most) => s > 0.5 * most), chosen = [];
   for (const axis of [...transpose(rotation), [1, 0, 0], [0, 1, 0], [0, 0, 1], ...inside]) {
     const inner = inside.reduce((sum, d) => add(sum, scaled(d, dot(d, axis))), [0, 0, 0]);
     const rest = chosen.reduce((r, c) => subtract(r, scaled(c, dot(r, c))), inner);
@@ -124,7 +110,7 @@ export function general(x, digits) {
   return `${Number(mantissa)}e${power[0]}${power.slice(1).padStart(2, "0")}`;
 }
 
-const vector = (v) => `(${v.map((x) => (Math.abs(x) < 5e-4 ? 0 : x).toFixed(3)).join(", ")})`;
+export const vector = (v) => `(${v.map((x) => (Math.abs(x) < 5e-4 ? 0 : x).toFixed(3)).join(", ")})`;
 
 // Sets of joints that force the loss of rank, one for each rank lost, smallest first.
 //
@@ -163,9 +149,119 @@ export function meetingPoint(J, ids, tip) {
       b[r] += P * foot[c];
     }
   }
-  const { sigma, left, right } = svd(A);
-  let out = [0, 0, 0];
-  sigma.forEach((s, k) => { if (s > 1e-9 * sigma[0]) out = add(out, scaled(right[k], dot(left[k], b) / s)); });
-  return out;
+  return leastNorm(A, b, 1e-9);
 }
 
+const STEP = 1e-5; // radians (metres over the length scale): of a difference quotient
+
+// { lost, always, mixed } at q, each motion as from lostMotions: `own` is the decomposition at the arm's own
+// scale, of this rank. Where those lost cannot be told from those missing everywhere, all are in `lost`, and
+// `mixed` says how many of them are missing everywhere.
+export function missingAt(data, q, { J, own, rank, tip, status, ratio }) {
+  const { task } = data, hardly = status === "near-singular";
+  const describe = (rows, nearly, tol) => lostMotions(rows.map((u) => inBase(u, task, tip.R)), J, data.judge.length,
+    { position: tip.t, rotation: tip.R, size: sizeOf(J), landmarks: landmarks(data, J, tip.t) }, tol, nearly);
+  const said = (lost, always, mixed = 0) => ({
+    lost: describe(lost, hardly, hardly ? Math.max(EXACT, Math.min(3 * ratio, 0.05)) : EXACT),
+    always: describe(always, false, EXACT), mixed,
+  });
+  // Directions that the arm can produce nowhere, in task rows.
+  const never = task.never.map((u) => task.rows.map((r) => u[r]));
+  if (status !== "singular") return said(own.left.slice(rank, task.rank), own.left.slice(task.rank));
+  const missing = without(own.left.slice(rank), never), more = missing.length - (task.rank - rank);
+  if (more <= 0) return said(missing, never);
+  const fresh = regained(data, q, own, missing, rank);
+  return fresh.length === task.rank - rank ? said(fresh, [...without(missing, fresh), ...never]) : said(missing, never, more);
+}
+
+// What of the missing directions comes back where q is left, whichever way: with w missing and z a motion of
+// the joints that leaves the task at rest, w . dJ z is how fast. Those of other arms stay missing.
+function regained(data, q, own, missing, rank) {
+  const still = svd(transpose(own.Js)).left.slice(rank), columns = [];
+  q.forEach((_, k) => {
+    const step = STEP * (data.joints[k].prismatic ? data.task.lengthScale : 1);
+    const [up, down] = [step, -step].map((h) => measure(data, q.map((v, j) => (j === k ? v + h : v))).own.Js);
+    for (const z of still) columns.push(missing.map((w) => up.reduce((sum, row, i) => sum + (w[i] * (dot(row, z) - dot(down[i], z))) / (2 * step), 0)));
+  });
+  if (!columns.length) return [];
+  return leftWhere(transpose(columns), (s, most) => s > 1e-6 * Math.max(most, 1e-6)).map((c) => combined(missing, c));
+}
+
+// Orthonormal basis of what is left of some vectors beside orthonormal others.
+function without(vectors, others) {
+  const rest = vectors.map((u) => others.reduce((r, d) => subtract(r, scaled(d, dot(d, u))), u));
+  return rest.length ? leftWhere(transpose(rest), (s) => s > 0.5) : [];
+}
+
+// Greatest speed of the tip at unit speed of one turning joint: how long the arm is, metres.
+function sizeOf(J) {
+  let most = 0;
+  J[0].forEach((_, i) => {
+    if (J[3][i] || J[4][i] || J[5][i]) most = Math.max(most, Math.hypot(J[0][i], J[1][i], J[2][i]));
+  });
+  return most || 1;
+}
+
+const landmarks = (data, J, tip) =>
+  data.centres.map(({ name, joints }) => ({ name: `the ${name}`, at: meetingPoint(J, joints, tip) }));
+
+// Why joint axes depend on each other, in words that hold at the configuration shown.
+//
+// Five independent twists leave one wrench that none of them works against. Where its pitch is zero
+// all turning axes meet its line or are parallel to it; any other pitch makes them members of one
+// linear complex of that pitch (K. H. Hunt, "Kinematic Geometry of Mechanisms", 1978). The pitch
+// changes from pose to pose of a family, so that it cannot come with the family's text.
+
+const COUNTS = { 5: "five ", 6: "six ", 7: "seven " };
+const COMPLEX = "linear complex";
+
+// One sentence for each dependent set of joints (from 0). `family` is that which the configuration
+// is on, or null; `tol` is in radians, and a share of the arm's length.
+export function reasons(dependent, family, J, task, tol, nearly = "") {
+  const told = family?.reason && dependent.length === 1 ? family.reason : "";
+  if (told && !told.includes(COMPLEX)) return [told];
+  return dependent.map((ids) => ids.length === 1 ? `joint ${ids[0] + 1} does not move the task`
+    : (task.rows.length === 6 && commonWrench(J, ids, tol, nearly))
+      || `joints ${list(ids)} can move together with the ${task.rows.length === 6 ? "tip" : "task"} ${nearly}at rest`);
+}
+
+function commonWrench(J, ids, tol, nearly) {
+  const columns = transpose(J), axis = (i) => columns[i].slice(3), speed = (i) => columns[i].slice(0, 3);
+  const turns = (i) => norm(axis(i)) > 0;
+  // A joint that drives others as well has no axis of its own.
+  if (!ids.every((i) => !turns(i) || (Math.abs(norm(axis(i)) - 1) < 1e-9 && Math.abs(dot(axis(i), speed(i))) < 1e-9))) return "";
+  const size = Math.max(...columns.map((c, i) => (turns(i) ? norm(speed(i)) : 0))) || 1;
+  const twists = ids.map((i) => [...scaled(speed(i), turns(i) ? 1 / size : 1), ...axis(i)]);
+  const { sigma, left } = svd(transpose(twists));
+  if (sigma.length < 6 || sigma.filter((s) => s > tol * sigma[0]).length !== 5) return "";
+  const force = left[5].slice(0, 3), moment = left[5].slice(3), strength = norm(force);
+  const turning = ids.filter(turns), sliding = ids.filter((i) => !turns(i));
+  if (strength <= tol) return `axes ${list(turning)} are ${nearly}parallel to one plane`;
+  const pitch = dot(force, moment) / strength ** 2;
+  if (Math.abs(pitch) <= tol) {
+    const along = turning.filter((i) => norm(cross(axis(i), force)) <= tol * strength);
+    return commonLine(columns.length, turning.filter((i) => !along.includes(i)), along, sliding, nearly);
+  }
+  const who = turning.length === columns.length ? `all ${COUNTS[turning.length] ?? ""}axes` : `axes ${list(turning)}`;
+  return `${who} ${nearly}belong to one ${COMPLEX}, here of pitch ${general(pitch * size, 3)} m/rad${across(sliding, nearly, "its axis")}`;
+}
+
+function commonLine(count, met, along, sliding, nearly) {
+  if (!met.length) return "";
+  const verb = met.length === 1 ? "meets" : "meet";
+  const words = [`${met.length === count ? "all axes" : counted("axis", "axes", met)} ${nearly}${verb} a common line`];
+  if (along.length) words.push(`${counted("axis", "axes", along)} ${are(along)} ${nearly}parallel to it`);
+  if (sliding.length) words.push(`${counted("prismatic joint", "prismatic joints", sliding)} ${are(sliding)} ${nearly}perpendicular to it`);
+  const last = words.pop();
+  return words.length ? `${words.join(", ")}, and ${last}` : last;
+}
+
+const across = (sliding, nearly, what) => sliding.length
+  ? `, and ${counted("prismatic joint", "prismatic joints", sliding)} ${are(sliding)} ${nearly}perpendicular to ${what}` : "";
+const are = (ids) => (ids.length === 1 ? "is" : "are");
+const counted = (one, many, ids) => `${ids.length === 1 ? one : many} ${list(ids)}`;
+
+function list(ids) {
+  const words = ids.map((i) => i + 1);
+  return words.length === 1 ? String(words[0]) : `${words.slice(0, -1).join(", ")} and ${words[words.length - 1]}`;
+}

@@ -1,11 +1,11 @@
 // Everything that the page shows of a mechanism at one closed configuration.
 
 import { outside } from "./limits.mjs";
-import { dot, norm, quaternion, scaled, subtract, svd, transpose, turnZTo } from "./linear.mjs";
-import { combined, output } from "./loops.mjs";
-import { drawnRadii, ellipsoid, pureEllipsoids } from "./measures.mjs";
+import { add, combined, cross, dot, norm, quaternion, scaled, subtract, svd, transpose, turnZTo } from "./linear.mjs";
+import { output } from "./loops.mjs";
+import { vector } from "./lost.mjs";
+import { drawnRadii, ellipsoid, inBase, pureEllipsoids } from "./measures.mjs";
 import { stateAt } from "./mechanism.mjs";
-import { freeOf, lostOf } from "./mechanism_words.mjs";
 import { poseOf } from "./pose_drive.mjs";
 
 const LONGEST = 0.6; // of the mechanism: towards type 2 ellipses grow without end
@@ -22,7 +22,7 @@ const SAYS = {
 export function mechanismFrame(data, q) {
   const state = stateAt(data, q), at = state.place.t, { places } = output(data, q);
   const lost = ["regular", "type 2"].includes(state.kind) ? [] : state.lost.map((u) => lostOf(data, at, u));
-  const free = ["regular", "type 1"].includes(state.kind) ? [] : state.uncontrolled.map((v) => freeOf(data, at, v));
+  const free = ["regular", "type 1"].includes(state.kind) ? [] : state.uncontrolled.map((v) => looseOf(data, at, v));
   const hot = movingJoints(data, state), regular = state.kind === "regular";
   const sigma = regular && state.velocity ? speeds(data, state.velocity) : [];
   return {
@@ -115,3 +115,56 @@ function arrows(data, free, tip) {
   }
   return out;
 }
+
+const SMALL = 1e-6;
+
+// Output motion that no input speed brings about, by its unit wrench { force, moment, line, words }.
+export function lostOf(data, at, direction) {
+  const name = data.output;
+  let { head: force, tail: moment } = spread(data, direction, 1 / data.task.lengthScale);
+  const size = norm(force);
+  if (size <= SMALL) {
+    const axis = unit(moment);
+    return { force: [0, 0, 0], moment: axis, line: null, words: `${name} cannot turn about ${axisText(axis)}` };
+  }
+  force = scaled(force, 1 / size);
+  moment = scaled(moment, 1 / size);
+  if (norm(moment) <= SMALL) return { force, moment: [0, 0, 0], line: at, words: `${name} cannot move axisText ${axisText(force)}` };
+  if (Math.abs(dot(force, moment)) > SMALL) return { force, moment, line: null, words: `a screw of ${name} about ${axisText(force)} is lost` };
+  const line = add(at, cross(force, moment));
+  return { force, moment, line, words: `${name}'s link cannot move axisText the line through ${vector(line)} m in direction ${axisText(force)}` };
+}
+
+// Output motion with all actuators at rest: { velocity, turning, centre, words }, of the output frame.
+export function looseOf(data, at, column) {
+  const name = data.output, locked = "with the actuators locked";
+  let { head: velocity, tail: turning } = spread(data, column, data.task.lengthScale);
+  const rate = norm(turning);
+  if (rate <= SMALL * Math.max(norm(velocity), 1)) {
+    const still = norm(velocity) <= SMALL, way = unit(velocity);
+    return { velocity: still ? [0, 0, 0] : way, turning: [0, 0, 0], centre: null,
+             words: still ? `${name} stays, but the linkage moves ${locked}` : `${name} gives way axisText ${axisText(way)} ${locked}` };
+  }
+  velocity = scaled(velocity, 1 / rate);
+  turning = scaled(turning, 1 / rate);
+  if (Math.abs(dot(velocity, turning)) > SMALL) return { velocity, turning, centre: null, words: `${name} screws about ${axisText(turning)} ${locked}` };
+  const centre = add(at, cross(turning, velocity)), where = data.task.rows.some((r) => r < 3) ? ` through ${vector(centre)} m` : "";
+  return { velocity, turning, centre, words: `${name} turns about ${axisText(turning)}${where} ${locked}` };
+}
+
+// Translation and rotation part of a column over the task rows; the former by `length`.
+function spread(data, column, length) {
+  const full = inBase(column, data.task);
+  return { head: scaled(full.slice(0, 3), length), tail: full.slice(3) };
+}
+
+const unit = (v) => (norm(v) > 0 ? scaled(v, 1 / norm(v)) : v);
+
+// "x", or components; either sense of a line is the same.
+function axisText(way) {
+  const sizes = way.map((v) => Math.round(Math.abs(v) * 1e6)), k = sizes.indexOf(Math.max(...sizes));
+  const d = scaled(way, Math.sign(way[k]) || 1);
+  const axis = [0, 1, 2].find((i) => d.every((v, j) => Math.abs(v - (i === j ? 1 : 0)) <= SMALL));
+  return axis === undefined ? vector(d) : "xyz"[axis];
+}
+

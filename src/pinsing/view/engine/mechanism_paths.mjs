@@ -1,9 +1,8 @@
 // Motions to play: into a singular pose of a mechanism, and along the locus that it lies on.
 
-import { trace } from "./curve.mjs";
 import { add, subtract } from "./linear.mjs";
 import { CLOSED, everyJoint, gapOf, gaussNewton, worst, wrap } from "./loops.mjs";
-import { refinePoint } from "./singular_points.mjs";
+import { placeOn, refinePoint, trace } from "./singular_points.mjs";
 
 const FRAMES = 48, FAR = 1, STEP = 0.05, SWING = 0.6, JUMP = 0.35, SHORTEST = 6, REGULAR = 1e-3;
 
@@ -45,8 +44,8 @@ function wayOut(data, q, moving) {
   const curve = trace(data, q, moving);
   if (!curve) return null;
   const { points, closed } = curve, count = points.length;
-  let here = 0, best = REGULAR, found = null;
-  points.forEach((p, i) => { if (gapOf(data, p.q, q) < gapOf(data, points[here].q, q)) here = i; });
+  const here = placeOn(data, points, q);
+  let best = REGULAR, found = null;
   const range = (length, place) => Array.from({ length }, (_, k) => place(k));
   const ways = closed // the last sample is the first again
     ? [1, -1].map((s) => range(count - 1, (k) => (((here + s * k) % (count - 1)) + count - 1) % (count - 1)))

@@ -5,7 +5,7 @@ import { distance } from "./distance.mjs";
 import { apart, generator, project } from "./families.mjs";
 import { spanOf } from "./limits.mjs";
 import { norm } from "./linear.mjs";
-import { measure } from "./measured.mjs";
+import { measure } from "./measures.mjs";
 import { freeOf } from "./sums.mjs";
 
 const SWING = 0.6, LONGEST_STEP = 0.35;

@@ -7,8 +7,8 @@
 
 import { frameOf, jacobianOf } from "./chain.mjs";
 import { valueText } from "./limits.mjs";
-import { dot, product, rotationVector, svd, transpose } from "./linear.mjs";
-import { CLOSED, closure, combined, everyJoint, gaussNewton, newton, worst } from "./loops.mjs";
+import { combined, dot, product, rotationVector, svd, transpose } from "./linear.mjs";
+import { CLOSED, closure, everyJoint, gaussNewton, newton, worst } from "./loops.mjs";
 import { assemblySign, assemblyValue, elbowSines, motions } from "./mechanism.mjs";
 
 const STEP = 0.05, SMALLEST = 1e-6, TURN = 2 * Math.PI, INSIDE = 1e-9, RUN = 12, FAR = 0.2;

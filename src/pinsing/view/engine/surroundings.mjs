@@ -1,13 +1,13 @@
-// What surrounds a pose of a mechanism: how far each input can go, and the other modes.
+// What surrounds a pose of a mechanism: how far each input can go, the other modes, the clearest pose; and inputs
+// that are given: within their limits, and one after the other as a file has them.
 
-import { trace, STEP } from "./curve.mjs";
-import { outside, valueText } from "./limits.mjs";
+import { generator } from "./families.mjs";
+import { outside, spanOf, turnedInto, valueText } from "./limits.mjs";
 import { add, scaled, subtract } from "./linear.mjs";
-import { gapOf, passiveOf, randomClosed, worst, wrap } from "./loops.mjs";
+import { CLOSED, closure, everyJoint, gapOf, gaussNewton, passiveOf, randomClosed, worst, wrap } from "./loops.mjs";
 import { assemblySign, modeOf, modeOrder, motions } from "./mechanism.mjs";
-import { AT_TYPE_2 } from "./pose_drive.mjs";
-import { singularAlong } from "./singular_points.mjs";
-import { workingByLegs } from "./working_modes.mjs";
+import { AT_TYPE_2, driven, heldPose, placeOf, poseGap, poseOf } from "./pose_drive.mjs";
+import { placeOn, singularAlong, STEP, trace } from "./singular_points.mjs";
 
 const FULL = 2 * Math.PI, SAME = 1e-4, HERE = 1e-7, STARTS = 48;
 const DISTINCT = 1e-5; // at type 2 two modes are one, of which CLOSED leaves 3e-6
@@ -19,8 +19,7 @@ export function stretch(data, q, k) {
   const index = data.actuated[k], { prismatic, lower: least, upper: most } = data.joints[index];
   const found = trace(data, q, k);
   if (!found) return null;
-  let { points } = found, here = 0;
-  points.forEach((p, i) => { if (gapOf(data, p.q, q) < gapOf(data, points[here].q, q)) here = i; });
+  let { points } = found, here = placeOn(data, points, q);
   const count = points.length;
   if (found.closed) {
     here += count - 1;
@@ -116,4 +115,110 @@ function named(data, q, found, more = null) {
     const name = same === 1 ? names[i] : `${names[i]}${which()}`;
     return { name, q: i === here ? q : x, here: i === here };
   });
+}
+
+const POSES = 40, MODES = 256, LOOSE = 1e-6;
+
+// Configurations within the limits that a number of starts led to; flipped passive joints are one. Where the
+// coordinates led leave the pose open (a Delta's platform may be twisted), each pose has its own.
+export function workingByLegs(data, q) {
+  const random = generator(947), goal = poseOf(data, placeOf(data, q)), poses = [];
+  const spans = data.joints.map((joint) => spanOf(joint, data.task.lengthScale));
+  const inside = (x, joints) => joints.every((j) => x[j] >= (data.joints[j].lower ?? -Infinity) - 1e-9 && x[j] <= (data.joints[j].upper ?? Infinity) + 1e-9);
+  const take = (x) => {
+    const { R, t } = placeOf(data, x), mark = [...R.flat(), ...scaled(t, 1 / data.task.lengthScale)];
+    let pose = poses.find((one) => worst(subtract(one.mark, mark)) <= SAME);
+    if (!pose) poses.push(pose = { mark, at: x, legs: data.legs.map((joints) => ({ joints, found: [] })) });
+    for (const { joints, found } of pose.legs) {
+      const driven = joints.filter((j) => data.actuated.includes(j));
+      const gap = (other) => worst(wrap(data, subtract(x, other)).filter((_, j) => driven.includes(j)));
+      if (inside(x, joints) && found.every((other) => gap(other) > SAME)) found.push(x);
+    }
+  };
+  take(q);
+  for (let k = 0; k < POSES; k++) {
+    const drawn = spans.map(([low, high]) => low + random() * (high - low));
+    const { q: x, error } = heldPose(data, goal, drawn);
+    if (error <= CLOSED) take(wrap(data, x));
+  }
+  const together = poses.flatMap(({ at, legs }) => legs.reduce((all, { joints, found }) =>
+    all.flatMap((x) => found.map((y) => x.map((v, j) => (joints.includes(j) ? y[j] : v)))).slice(0, MODES), [at]));
+  return together.filter((x) => worst(closure(data, x).residual) <= LOOSE)
+    .map((x) => wrap(data, gaussNewton(data, x, everyJoint(data)).q)).filter((x) => poseGap(data, x, q) <= LOOSE && sameOutput(data, x, q));
+}
+
+// Rows of the output that are not led, as they depend on others, agree as well.
+function sameOutput(data, x, q) {
+  const [a, b] = [x, q].map((one) => placeOf(data, one)), { rows, lengthScale } = data.task;
+  return rows.every((r) => r > 2 || Math.abs(a.t[r] - b.t[r]) <= LOOSE * lengthScale) &&
+    (![3, 4, 5].every((r) => rows.includes(r)) || worst(subtract(a.R.flat(), b.R.flat())) <= LOOSE);
+}
+
+const INSIDE = 1e-9;
+
+// Inputs cut at the limits of their joints, and the places of those that were beyond.
+export function withinInputs(data, inputs) {
+  const wanted = inputs.map((v, k) => {
+    const { lower, upper } = data.joints[data.actuated[k]];
+    return Math.min(upper ?? Infinity, Math.max(lower ?? -Infinity, v));
+  });
+  return { wanted, beyond: inputs.flatMap((v, k) => (Math.abs(v - wanted[k]) > INSIDE * data.metric[data.actuated[k]] ? [k] : [])) };
+}
+
+// The same in words.
+export function beyondWords(data, inputs, beyond) {
+  const { wanted } = withinInputs(data, inputs);
+  return beyond.map((k) => `${data.joints[data.actuated[k]].name} = ${inputText(data, k, inputs[k])} is beyond its limit, ${inputText(data, k, wanted[k])}`).join("; ");
+}
+
+// Rows of inputs followed from a closed q, as far as it goes: { path: configurations, row, stop }: of the row
+// that ended it, its place and what `driven` says, or the inputs that are beyond their limits.
+export function followInputs(data, q, rows) {
+  const path = [];
+  for (const [row, inputs] of rows.entries()) {
+    const { wanted, beyond } = withinInputs(data, inputs);
+    if (beyond.length) return { path, row, beyond };
+    const found = driven(data, wanted, path.length ? path[path.length - 1] : q);
+    if (found.reached < 1) return { path, row, found };
+    path.push(found.q);
+  }
+  return { path, row: -1 };
+}
+
+const CLIMBED = 3, FIRST = 0.4, LAST = 0.01, AROUND = [0.05, 0.2, 0.5];
+
+// How well a pose is away from all singularities: its smallest measure; 0 where it is outside limits.
+export function healthOf(data, q) {
+  if (worst(closure(data, q).residual) > CLOSED) return 0;
+  const { one, two, constraint } = motions(data, q);
+  return outside(data, q).length ? 0 : Math.min(one, two, constraint);
+}
+
+// The pose { q, measure } whose smallest measure is largest, of `tries` at random and those given: home,
+// poses around it, and poses anywhere within the limits; the best of them are climbed from. q is null
+// where none within the limits is regular.
+export function healthiestPose(data, given = [], tries = 160, steps = 60) {
+  const random = generator(23), spans = data.joints.map((joint, j) => spanOf(joint, data.metric[j]));
+  const drawn = () => spans.map(([low, high]) => low + (high - low) * random());
+  const around = (q, size) => q.map((v, j) => v + size * data.metric[j] * (2 * random() - 1));
+  const found = [];
+  const tried = (start) => {
+    const { q: closed, error } = gaussNewton(data, start, everyJoint(data));
+    const q = closed.map((v, j) => turnedInto(spans[j], v, data.joints[j].prismatic)), measure = error <= CLOSED ? healthOf(data, q) : 0;
+    if (measure > 0) found.push({ q, measure });
+    return measure;
+  };
+  [data.home, ...given].forEach(tried);
+  for (let k = 0; k < tries; k++) tried(k % 2 ? around(data.home, AROUND[k % AROUND.length]) : drawn());
+  const best = found.sort((a, b) => b.measure - a.measure).slice(0, CLIMBED);
+  for (const start of best) {
+    let top = start;
+    for (let size = FIRST, k = 0; k < steps && size > LAST; k++) {
+      const count = found.length;
+      tried(around(top.q, size / Math.sqrt(top.q.length)));
+      const now = found.length > count ? found[found.length - 1] : null;
+      if (now && now.measure > top.measure) { top = now; size = Math.min(FIRST, 1.5 * size); } else size *= 0.85;
+    }
+  }
+  return found.reduce((a, b) => (b.measure > a.measure ? b : a), { q: null, measure: 0 });
 }
