@@ -21,7 +21,7 @@ joint's frame, named NAME_X, NAME_Y and NAME_Z; a universal joint two of them.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -74,105 +74,92 @@ def without_idle_spins(mechanism: Mechanism, keep_output: bool = True) -> Mechan
 
 
 class _SpanningTree:
-    """The spanning tree: what hangs on each body, and what loops hold there."""
+    """Runs of joints that nothing else is fixed between, their balls, and what loops hold."""
 
     def __init__(self, mechanism: Mechanism, keep_output: bool) -> None:
-        self.mechanism, model = mechanism, mechanism.model
-        n = mechanism.n
-        self.after: list[list[int]] = [[] for _ in range(n + 1)]
+        self.mechanism, model, n = mechanism, mechanism.model, mechanism.n
+        output = int(model.frames[mechanism.output_id].parentJoint) if keep_output else -1
+        after: list[list[int]] = [[] for _ in range(n + 1)]
         for j in range(n):
-            self.after[int(model.parents[j + 1])].append(j)
+            after[int(model.parents[j + 1])].append(j)
+        # Of each body the frames that loops hold there, those they hold them to, and how.
         self.cuts: list[list[tuple[int, int, str]]] = [[] for _ in range(n + 1)]
         for loop, a, b in zip(mechanism.loops, *closing(mechanism), strict=True):
             for one, two in ((a, b), (b, a)):
                 self.cuts[int(model.frames[one].parentJoint)].append((one, two, loop.kind))
-        self.output = int(model.frames[mechanism.output_id].parentJoint) if keep_output else None
         rng = np.random.default_rng(2203)
-        drawn = rng.uniform(0.3, 1.2, (2, n))
         # At home a slide may have no length yet.
         home = np.where(mechanism.prismatic & (mechanism.home == 0), 1.0, mechanism.home)
-        self.samples = [Sample(mechanism, q) for q in (*drawn, home)]
-
-    def hinge(self, joint: int) -> bool:
-        """Return True if it is passive and turns."""
-        m = self.mechanism
-        return joint not in m.actuated and not m.prismatic[joint]
-
-    def next(self, joint: int) -> int | None:
-        """The only joint behind the body of a joint, where nothing else is fixed to it."""
-        body = joint + 1
-        if body == self.output or self.cuts[body] or len(self.after[body]) != 1:
-            return None
-        return self.after[body][0]
-
-    def before(self, joint: int | None) -> int | None:
-        """The joint that alone carries this one."""
-        above = -1 if joint is None else int(self.mechanism.model.parents[joint + 1]) - 1
-        return above if above >= 0 and self.next(above) == joint else None
-
-    def ball(self, first: int | None) -> tuple[tuple[int, int, int], Array] | None:
-        """Three passive hinges from ``first`` on, and the points (samples, 3) where axes meet."""
-        second = None if first is None else self.next(first)
-        third = None if second is None else self.next(second)
-        if first is None or second is None or third is None:
-            return None
-        run = (first, second, third)
-        if not all(map(self.hinge, run)):
-            return None
-        axes = [s.axis[list(run)] for s in self.samples]
-        points = [s.origins[list(run)] for s in self.samples]
-        found = [p for p in map(meeting_point, axes, points) if p is not None]
-        met = len(found) == len(axes) and np.abs(np.linalg.det(axes)).max() > ALIKE
-        return (run, np.array(found)) if met else None
-
-    def end(self, joint: int, kind: str) -> tuple[int, int] | None:
-        """The two frames that a loop of a kind holds, if that is all there is at a leg's end."""
-        body = joint + 1
-        ends = self.cuts[body]
-        if body == self.output or self.after[body] or len(ends) != 1 or ends[0][2] != kind:
-            return None
-        return ends[0][0], ends[0][1]
+        self.samples = [Sample(mechanism, q) for q in (*rng.uniform(0.3, 1.2, (2, n)), home)]
+        self.hinge = [j in mechanism.passive and not mechanism.prismatic[j] for j in range(n)]
+        behind = [
+            after[j + 1][0]
+            if j + 1 != output and not self.cuts[j + 1] and len(after[j + 1]) == 1
+            else None
+            for j in range(n)
+        ]
+        # The run of each joint that ends one, and of each joint its run and place there.
+        self.runs: dict[int, list[int]] = {}
+        self.place: dict[int, tuple[list[int], int]] = {}
+        for j in (j for j in range(n) if j not in behind):
+            run = [j]
+            while (following := behind[run[-1]]) is not None:
+                run.append(following)
+            self.runs[run[-1]] = run
+            self.place |= {joint: (run, k) for k, joint in enumerate(run)}
+        # Runs that end in one loop and nothing else.
+        self.ends = {
+            j: self.cuts[j + 1][0]
+            for j in self.runs
+            if j + 1 != output and not after[j + 1] and len(self.cuts[j + 1]) == 1
+        }
+        # By its first joint, three passive hinges, and the points (samples, 3) where axes meet.
+        self.balls: dict[int, Array] = {}
+        for joint, (run, k) in self.place.items():
+            three = run[k : k + 3]
+            if len(three) == 3 and all(self.hinge[j] for j in three):
+                axes = [s.axis[three] for s in self.samples]
+                points = [s.origins[three] for s in self.samples]
+                found = [p for p in map(meeting_point, axes, points) if p is not None]
+                if len(found) == len(axes) and np.abs(np.linalg.det(axes)).max() > ALIKE:
+                    self.balls[joint] = np.array(found)
 
     def far(self, joint: int) -> Array | None:
         """Centre (samples, 3) of the next ball outwards from the body of a joint."""
-        here: int | None = joint
-        while here is not None:
-            if (held := self.end(here, "3d")) is not None:
-                return np.array([s.frames[held[0]].translation for s in self.samples])
-            if (welded := self.end(here, "6d")) is not None:
-                return self.across(*welded)
-            here = self.next(here)
-            if (found := self.ball(here)) is not None:
-                return found[1]
-        return None
-
-    def near(self, joint: int | None) -> Array | None:
-        """Centre (samples, 3) of the next ball inwards, of which ``joint`` may be the last."""
-        while joint is not None:
-            if (found := self.ball(self.before(self.before(joint)))) is not None:
-                return found[1]
-            joint = self.before(joint)
-        return None
-
-    def across(self, a: int, b: int) -> Array | None:
-        """Centre of the first ball on the other side of a weld, seen from this side."""
-        here = int(self.mechanism.model.frames[b].parentJoint) - 1
-        if here < 0 or self.end(here, "6d") is None or (centre := self.near(here)) is None:
+        run, k = self.place[joint]
+        for j in run[k + 1 :]:
+            if j in self.balls:
+                return self.balls[j]
+        a, b, kind = self.ends.get(run[-1], (0, 0, ""))
+        if kind == "3d":
+            return np.array([s.frames[a].translation for s in self.samples])
+        # The first ball on the other side of a weld, seen from this side.
+        other = int(self.mechanism.model.frames[b].parentJoint) - 1
+        if kind != "6d" or self.ends.get(other, ("", "", ""))[2] != "6d":
+            return None
+        centre = self.near(other)
+        if centre is None:
             return None
         pairs = zip(self.samples, centre, strict=True)
         return np.array([s.frames[a].act(s.frames[b].actInv(c)) for s, c in pairs])
+
+    def near(self, joint: int) -> Array | None:
+        """Centre (samples, 3) of the next ball inwards, of which ``joint`` may be the last."""
+        run, k = self.place[joint]
+        found = [self.balls[j] for j in run[: max(k - 1, 0)] if j in self.balls]
+        return found[-1] if found else None
 
 
 def _idle(mechanism: Mechanism, keep_output: bool) -> int | None:
     """A hinge to hold, or None where no link spins idly."""
     tree = _SpanningTree(mechanism, keep_output)
-    for first in range(mechanism.n):
-        if (found := tree.ball(first)) is not None:
-            run, near = found
-            if (far := tree.far(run[2])) is not None:
-                return _best(tree, run, near, far)
-    for joint in filter(tree.hinge, range(mechanism.n)):
-        balls = tree.far(joint), tree.near(tree.before(joint))
+    for first in sorted(tree.balls):
+        run, k = tree.place[first]
+        if (far := tree.far(run[k + 2])) is not None:
+            return _best(tree, run[k : k + 3], tree.balls[first], far)
+    for joint in (j for j, turns in enumerate(tree.hinge) if turns):
+        run, k = tree.place[joint]
+        balls = tree.far(joint), tree.near(run[k - 1]) if k else None
         if any(_through(tree, joint, ball) for ball in balls) or _twice(tree, joint):
             return joint
     return None
@@ -180,24 +167,23 @@ def _idle(mechanism: Mechanism, keep_output: bool) -> int | None:
 
 def _twice(tree: _SpanningTree, joint: int) -> bool:
     """Whether a hinge is written twice: a weld holds its link to another's on the same axis."""
+    a, b, kind = tree.ends.get(joint, (0, 0, ""))
     model = tree.mechanism.model
-    for a, b, kind in tree.cuts[joint + 1]:
-        other = int(model.frames[b].parentJoint) - 1
-        if kind != "6d" or other < 0 or not tree.hinge(other) or tree.end(joint, "6d") is None:
-            continue
-        if len(tree.cuts[other + 1]) != 1 or tree.after[other + 1]:
-            continue
-        lines = []
-        for frame, one in ((a, joint), (b, other)):
-            place, s = tree.samples[0].frames[frame], tree.samples[0]
-            axis = place.rotation.T @ s.axis[one]
-            lines.append(np.concatenate([axis, np.cross(place.actInv(s.origins[one]), axis)]))
-        if min(np.abs(lines[0] - lines[1]).max(), np.abs(lines[0] + lines[1]).max()) <= ROUNDING:
-            return True
-    return False
+    other = int(model.frames[b].parentJoint) - 1
+    if kind != "6d" or other < 0 or not tree.hinge[other]:
+        return False
+    if len(tree.cuts[other + 1]) != 1 or len(model.children[other + 1]):
+        return False
+    lines, s = [], tree.samples[0]
+    for frame, one in ((a, joint), (b, other)):
+        axis = s.frames[frame].rotation.T @ s.axis[one]
+        at = s.frames[frame].actInv(s.origins[one])
+        lines.append(np.concatenate([axis, np.cross(at, axis)]))
+    gaps = (np.abs(lines[0] + side * lines[1]).max() for side in (1, -1))
+    return bool(min(gaps) <= ROUNDING)
 
 
-def _best(tree: _SpanningTree, run: tuple[int, int, int], near: Array, far: Array) -> int:
+def _best(tree: _SpanningTree, run: Sequence[int], near: Array, far: Array) -> int:
     """Return the hinge of a ball to hold."""
     # The others point the link, everywhere if it is across the second and that across the first,
     # and at home they should move it two ways.
