@@ -225,45 +225,31 @@ class _Grid:
 
     def follow(self, coarse: _Grid) -> None:
         """Every cell from the nearest one of a coarser grid."""
-        from scipy.ndimage import distance_transform_edt
-
         self.marks = coarse.marks
-        places = [
-            np.clip(np.rint((fine - rough[0]) / (rough[1] - rough[0])), 0, len(rough) - 1)
-            for fine, rough in zip(self.sides, coarse.sides, strict=True)
-        ]
-        for k in range(self.modes):
-            if not coarse.solved[k].any():
-                continue
-            away, (j, i) = distance_transform_edt(~coarse.solved[k], return_indices=True)
-            jj, ii = np.array(np.meshgrid(places[1], places[0], indexing="ij"), dtype=int)
-            near = away[jj, ii] <= 2
-            from_q = coarse.q[k, j[jj, ii], i[jj, ii]]
-            self._take(np.insert(np.argwhere(near), 0, k, axis=1), from_q[near])
-        self.fresh = self.solved.copy()
+        sides = zip(self.sides, coarse.sides, strict=True)
+        places = (np.rint((fine - rough[0]) / (rough[1] - rough[0])) for fine, rough in sides)
+        i, j = (np.clip(x, 0, COARSE - 1).astype(int) for x in places)
+        self._spread(coarse, coarse.solved, np.ix_(range(self.modes), j, i), 2)
+        self.tried[:] = 0
 
     def flood(self, layers: int) -> None:
         """Go on from what is solved to its neighbours."""
-        _, ny, nx = self.solved.shape
         for _ in range(layers):
-            source = np.full((*self.solved.shape, 2), -1)
-            open_ = ~self.solved & (self.tried < 3)
-            chosen = np.zeros_like(self.solved)
-            fresh = np.pad(self.fresh, ((0, 0), (1, 1), (1, 1)))
-            for j, i in ((0, -1), (0, 1), (-1, 0), (1, 0)):
-                new = fresh[:, 1 + j : 1 + j + ny, 1 + i : 1 + i + nx] & open_ & ~chosen
-                chosen |= new
-                source[new] = (j, i)
-            cells = np.argwhere(chosen)
-            if not len(cells):
-                return
-            shift = source[chosen]
-            from_q = self.q[cells[:, 0], cells[:, 1] + shift[:, 0], cells[:, 2] + shift[:, 1]]
-            before = self.solved.copy()
-            self.tried[chosen] += 1
-            self._take(cells, from_q)
             # Cells that were tried in vain may be reached from another neighbour.
-            self.fresh = self.solved & ~before
+            fresh, self.fresh = self.fresh, np.zeros_like(self.fresh)
+            self._spread(self, fresh, ..., 1)
+
+    def _spread(self, other: _Grid, there: Bool, places: Any, most: float) -> None:
+        """Try the cells at ``places`` of a grid that are near to those that are ``there`` in it."""
+        from scipy.ndimage import distance_transform_edt
+
+        if there.any():
+            # Modes are far from each other.
+            away, near = distance_transform_edt(~there, (1e9, 1, 1), return_indices=True)
+            chosen = (away[places] <= most) & ~self.solved & (self.tried < 3)
+            self.tried[chosen] += 1
+            begin = other.q[tuple(x[places][chosen] for x in near)]
+            self._take(np.argwhere(chosen), begin)
 
     def scatter(self) -> None:
         """Seek the same modes at poses that no way of neighbours has led to."""
