@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -65,96 +65,6 @@ class Residues:
         return int(nmod_mat(len(matrix), len(matrix[0]), values, self.prime).rank())
 
 
-@dataclass(frozen=True, eq=False)
-class SlicePoint:
-    """One common zero on a slice (and all its conjugates)."""
-
-    residues: Residues  # images of polynomials
-    fixed: Mapping[int, int]  # variables at random values, by index
-    field: Any  # the finite field of the coordinates
-    free: Mapping[int, Any]  # the variables that were solved for
-    # polynomials with those values in them: by id, with their terms. Shared by its points
-    on_slice: MadeOnce = field(default_factory=MadeOnce)
-    # those that were asked for, with their values: the entries of a matrix share most of them
-    monomials: dict[Any, Any] = field(default_factory=dict)
-
-    def value(self, poly: Poly) -> Any:
-        """Value of a polynomial of the ring."""
-        total = self.field.zero()
-        if poly == 0:
-            return total
-        if self.field.degree() == 1:
-            return self.field(self.residue(poly))
-        for monomial, c in self.on_slice.of(poly, self._on_slice):
-            total = total + self._monomial(monomial) * c
-        return total
-
-    def residue(self, poly: Poly) -> int:
-        """Value of a polynomial where all coordinates are residues."""
-        return int(self.residues.of(poly)(*self._residues)) if poly != 0 else 0
-
-    @cached_property
-    def _residues(self) -> list[int]:
-        """All coordinates, where they are residues."""
-        return [int(self._at(v)) for v in range(self.residues.ring.nvars)]
-
-    def _monomial(self, monomial: Powers) -> Any:
-        """Value of a product of powers (variable, exponent)."""
-        if monomial not in self.monomials:
-            if len(monomial) < 2:
-                powers = [self.free[v] ** e for v, e in monomial]
-                self.monomials[monomial] = powers[0] if powers else self.field.one()
-            else:
-                before = self._monomial(monomial[:-1])
-                self.monomials[monomial] = before * self._monomial(monomial[-1:])
-        return self.monomials[monomial]
-
-    def _on_slice(self, poly: Poly) -> list[tuple[Powers, int]]:
-        """Powers (variable, exponent) and coefficient of each term in the free variables."""
-        prime = self.residues.prime
-        gathered: dict[Powers, int] = {}
-        for powers, c in self.residues.terms(poly):
-            left = []
-            for v, e in powers:
-                if v in self.free:
-                    left.append((v, e))
-                else:
-                    c = c * self.fixed[v] ** e % prime
-            key = tuple(left)
-            gathered[key] = gathered.get(key, 0) + c
-        return [(key, c % prime) for key, c in gathered.items()]
-
-    def is_zero(self, poly: Poly) -> bool:
-        """Return True if a polynomial vanishes there."""
-        return bool(self.value(poly).is_zero())
-
-    def rank(self, matrix: Matrix) -> int:
-        """Rank of a matrix of polynomials there."""
-        if self.field.degree() == 1:
-            values = [self.residue(x) for row in matrix for x in row]
-            return int(nmod_mat(len(matrix), len(matrix[0]), values, self.residues.prime).rank())
-        return rank_over([[self.value(x) for x in row] for row in matrix])
-
-    def transversal(self, polys: Sequence[Poly]) -> bool:
-        """Return True if zero sets cross there: their gradients are independent."""
-        nvars = self.residues.ring.nvars
-        slopes = [[self.value(p.derivative(v)) for v in range(nvars)] for p in polys]
-        return rank_over(slopes) == len(polys)
-
-    def has(self, joint: int, value: Value) -> bool:
-        """Return True if a joint is at a value there."""
-        wanted = [residue(c, self.residues.prime) for c in value]
-        x, *y = (self._at(v) for v in self.residues.ring.variables(joint))
-        if not y:
-            return bool(x == self.field(wanted[0]))
-        return bool((x * wanted[1] - y[0] * wanted[0]).is_zero())
-
-    def _at(self, variable: int) -> Any:
-        if variable in self.free:
-            return self.free[variable]
-        return self.field(self.fixed[variable])
-
-
 def random_residue(rng: np.random.Generator, prime: int) -> int:
     """A residue that is not zero."""
     return int(rng.integers(1, prime))
@@ -182,23 +92,22 @@ class RandomSlice:
         self.residues, self.chosen, prime = residues, chosen, residues.prime
         self.context = modular_context(tuple(f"t{i}" for i in range(len(chosen))), prime)
         self._turns = [(random_residue(rng, prime), random_residue(rng, prime)) for _ in chosen]
-        self._fixed: dict[int, int] = {}  # variables of the other joints
-        self._images: list[Any] = []  # all variables of the ring on the slice
-        self._known, self._terms = MadeOnce(), MadeOnce()
+        self.images: list[Any] = []  # all variables of the ring on the slice
+        self._known = MadeOnce()
         for j in range(len(residues.ring.prismatic)):
             if j in chosen:
                 i = chosen.index(j)
-                self._images += self.coordinates(i, self.context.gens()[i])
+                self.images += self.coordinates(i, self.context.gens()[i])
                 continue
             known = values.get(j)
-            for k, v in enumerate(residues.ring.variables(j)):
-                self._fixed[v] = residue(known[k], prime) if known else random_residue(rng, prime)
-                self._images.append(self.context.constant(self._fixed[v]))
+            for k in range(len(residues.ring.variables(j))):
+                x = residue(known[k], prime) if known else random_residue(rng, prime)
+                self.images.append(self.context.constant(x))
 
     def of(self, poly: Poly) -> Any:
         """A polynomial on the slice."""
         return self._known.of(
-            poly, lambda p: self.residues.of(p).compose(*self._images, ctx=self.context)
+            poly, lambda p: self.residues.of(p).compose(*self.images, ctx=self.context)
         )
 
     def coordinates(self, i: int, t: Any) -> list[Any]:
@@ -215,16 +124,45 @@ class RandomSlice:
             if not self.residues.ring.prismatic[j]
         }
 
-    def point(self, zero: Zero) -> SlicePoint:
-        """A zero on the slice as a point of all joints."""
-        solved = {
-            v: x
-            for i, j in enumerate(self.chosen)
-            for v, x in zip(
-                self.residues.ring.variables(j), self.coordinates(i, zero.at[i]), strict=True
-            )
-        }
-        return SlicePoint(self.residues, self._fixed, zero.field, solved, self._terms)
+
+@dataclass(frozen=True, eq=False)
+class SlicePoint:
+    """One common zero on a slice (and all its conjugates), a point of all joints."""
+
+    slice: RandomSlice
+    zero: Zero
+
+    @property
+    def field(self) -> Any:
+        """The finite field of its coordinates."""
+        return self.zero.field
+
+    def value(self, poly: Poly) -> Any:
+        """Value of a polynomial of the ring."""
+        return self.zero.value(self.slice.of(poly)) if poly != 0 else self.field.zero()
+
+    def is_zero(self, poly: Poly) -> bool:
+        """Return True if a polynomial vanishes there."""
+        return bool(self.value(poly).is_zero())
+
+    def rank(self, matrix: Matrix) -> int:
+        """Rank of a matrix of polynomials there."""
+        return rank_over([[self.value(x) for x in row] for row in matrix])
+
+    def transversal(self, polys: Sequence[Poly]) -> bool:
+        """Return True if zero sets cross there: their gradients are independent."""
+        nvars = self.slice.residues.ring.nvars
+        slopes = [[self.value(p.derivative(v)) for v in range(nvars)] for p in polys]
+        return rank_over(slopes) == len(polys)
+
+    def has(self, joint: int, value: Value) -> bool:
+        """Return True if a joint is at a value there."""
+        ring, prime = self.slice.residues.ring, self.slice.residues.prime
+        wanted = [residue(c, prime) for c in value]
+        x, *y = (self.zero.value(self.slice.images[v]) for v in ring.variables(joint))
+        if not y:
+            return bool(x == self.field(wanted[0]))
+        return bool((x * wanted[1] - y[0] * wanted[0]).is_zero())
 
 
 def slice_points(
@@ -264,5 +202,5 @@ def slice_points(
                 if attempt + 1 == _ATTEMPTS:
                     raise
             else:
-                yield from map(slice_.point, found)
+                yield from (SlicePoint(slice_, zero) for zero in found)
                 break

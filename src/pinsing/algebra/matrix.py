@@ -39,10 +39,7 @@ def primitive(line: list[Poly], ring: Ring) -> list[Poly]:
 
 def independent_rows(matrix: Matrix, ring: Ring) -> Matrix:
     """Drop rows that are combinations of others with constant factors: no rank is lost."""
-    doubtful = _alike(matrix, ring)
-    if len(doubtful) > 1:
-        doubtful = _sharing(matrix, doubtful, ring)
-    own = sorted(doubtful)
+    own = _sharing(matrix, ring)
     gone = {own[i] for i in dependent([matrix[i] for i in own], ring)}
     return [row for i, row in enumerate(matrix) if i not in gone and any(x != 0 for x in row)]
 
@@ -75,41 +72,17 @@ def dependent(
     return found
 
 
-def _alike(matrix: Matrix, ring: Ring) -> set[int]:
-    """Return rows that may be combinations of others, as far as their leading terms tell."""
-    # One that begins before all others, or with a monomial before theirs, is in no combination of
-    # zero; and so on from either side, by a term or two of a row.
-    left = {i for i, row in enumerate(matrix) if any(x != 0 for x in row)}
-    width = len(matrix[0]) if matrix else 0
-    ways = (range(width), range(width - 1, -1, -1))
-    leads: list[dict[int, tuple[int, Monomial]]] = [{}, {}]
-    found = True
-    while len(left) > 1 and found:
-        found = False
-        for way, lead in zip(ways, leads, strict=True):
-            for i in left - lead.keys():
-                k, j = next((k, j) for k, j in enumerate(way) if matrix[i][j] != 0)
-                lead[i] = -k, ring.rank_of_lead(matrix[i][j])
-            first = max(lead[i] for i in left)
-            those = [i for i in left if lead[i] == first]
-            if len(those) == 1:
-                left.discard(those[0])
-                found = True
-                break
-    return left if len(left) > 1 else set()
-
-
-def _sharing(matrix: Matrix, among: set[int], ring: Ring) -> set[int]:
+def _sharing(matrix: Matrix, ring: Ring) -> list[int]:
     """Return rows that may be combinations of others: these have all of their monomials."""
     places = {
-        i: {(j, m) for j, x in enumerate(matrix[i]) if x != 0 for m in ring.monomials(x)}
-        for i in among
+        i: {(j, m) for j, x in enumerate(row) if x != 0 for m in ring.monomials(x)}
+        for i, row in enumerate(matrix)
     }
     while True:
         counts = Counter(place for own in places.values() for place in own)
         left = {i: own for i, own in places.items() if all(counts[place] > 1 for place in own)}
         if len(left) == len(places):
-            return set(left)
+            return list(left)
         places = left
 
 

@@ -152,11 +152,6 @@ class Ring:
         """Exponents of the joints' variables in each term; some perhaps several times."""
         return list(poly.monoms())
 
-    def rank_of_lead(self, poly: Poly) -> Monomial:
-        """Numbers that are as much greater, in order, as a polynomial's leading monomial is."""
-        m = poly.monomial(0)
-        return (sum(m), *[-e for e in reversed(m)])  # by degree, the last variables least
-
     def packed(self, poly: Poly) -> Packed:
         """The polynomial as plain integers, for another process."""
         return [(tuple(map(int, m)), int(c.p), int(c.q)) for m, c in terms_of(poly).items()]
@@ -193,24 +188,7 @@ class Ring:
 
     def nowhere_zero(self, poly: Poly) -> bool:
         """Return True if a polynomial is a nonzero constant times x^2 + y^2 of joints."""
-        if self.is_constant(poly):
-            return True
-        if len(poly) == 1:
-            return False
-        degrees = poly.degrees()
-        for first, slides in zip(self.start, self.prismatic, strict=True):
-            power = degrees[first]
-            if power if slides else (power % 2 or power != degrees[first + 1]):
-                return False
-        return self._is_of_norms(poly, degrees)
-
-    def _is_of_norms(self, poly: Poly, degrees: Monomial) -> bool:
-        """Return True if a polynomial is a constant times x^2 + y^2 to its degrees."""
-        powers = [(w, degrees[s] // 2) for s, w in zip(self.start, self.w, strict=True) if w]
-        if len(poly) != math.prod(k + 1 for _, k in powers):
-            return False
-        wanted = math.prod((w**k for w, k in powers if k), start=self.one)
-        return bool(poly == wanted * poly.leading_coefficient())
+        return self.is_constant(self.strip(poly))
 
     def coefficients(self, poly: Poly) -> Mapping[Monomial, Any]:
         """Exponents of the joints' variables, and coefficients that can be divided."""

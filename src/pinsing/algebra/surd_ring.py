@@ -84,10 +84,6 @@ class SurdRing(Ring):
         """Exponents of the joints' variables in each term; some perhaps several times."""
         return [m[: self.nvars] for m in poly.monoms()]
 
-    def rank_of_lead(self, poly: Poly) -> Monomial:
-        """Numbers that are as much greater, in order, as a polynomial's leading monomial is."""
-        return poly.monomial(0)[: self.nvars]  # type: ignore[no-any-return]
-
     def _poly(self, terms: Mapping[Monomial, Exact | int]) -> Poly:
         """The polynomial of these terms."""
         found: dict[Monomial, Any] = {}
@@ -120,10 +116,6 @@ class SurdRing(Ring):
             return self.reduce(put_plain(poly).compose(*images, ctx=self.context))
 
         return put
-
-    def _is_of_norms(self, poly: Poly, degrees: Monomial) -> bool:
-        """Return True if a polynomial is a constant times x^2 + y^2 to its degrees."""
-        return self.is_constant(self.strip(poly))
 
     def coefficients(self, poly: Poly) -> Mapping[Monomial, Any]:
         """Exponents of the joints' variables, and coefficients that can be divided."""

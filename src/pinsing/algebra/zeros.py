@@ -10,10 +10,8 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import itertools
-import operator
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field as dataclass_field
 from typing import Any
 
 import numpy as np
@@ -27,7 +25,7 @@ from flint import (
     nmod_poly,
 )
 
-from pinsing.algebra.ring import Poly, Ring, divided_by, terms_of
+from pinsing.algebra.ring import Poly, Ring, coefficients_by, divided_by, terms_of
 from pinsing.errors import Refusal
 from pinsing.robot.nominal import PRIMES
 from pinsing.robot.surd import residue, root_modulo
@@ -97,6 +95,29 @@ class Zero:
 
     field: Any  # the finite field of the coordinates
     at: Mapping[int, Any]  # variable (by index) and its value
+
+    # powers of values that were asked for
+    powers: dict[tuple[int, int], Any] = dataclass_field(default_factory=dict)
+
+    @functools.cached_property
+    def _residues(self) -> dict[int, int]:
+        return {v: _number(x) for v, x in self.at.items()}
+
+    def value(self, poly: Any) -> Any:
+        """Value there of a polynomial in these variables."""
+        if self.field.degree() == 1:
+            known = [self._residues.get(v, 0) for v in range(poly.context().nvars())]
+            return self.field(int(poly(*known)))
+        total = self.field.zero()
+        for monomial, c in terms_of(poly).items():
+            term = self.field(int(c))
+            for key in enumerate(monomial):
+                if key[1]:
+                    if key not in self.powers:
+                        self.powers[key] = self.at[key[0]] ** int(key[1])
+                    term = term * self.powers[key]
+            total = total + term
+        return total
 
 
 def zeros(
@@ -222,12 +243,7 @@ class _Solver:
 
     def _wanted(self, zero: Zero, v: int) -> bool:
         """Return True if the value of variable v is none of the unwanted ones."""
-        if v not in self.nonzero:
-            return True
-        value = zero.field.zero()
-        for c in reversed(_line(self.nonzero[v], v)):
-            value = value * zero.at[v] + c
-        return not value.is_zero()
+        return v not in self.nonzero or not zero.value(self.nonzero[v]).is_zero()
 
 
 def _above(zero: Zero, polys: Sequence[Any], v: int) -> list[Zero]:
@@ -235,7 +251,8 @@ def _above(zero: Zero, polys: Sequence[Any], v: int) -> list[Zero]:
     over = fq_default_poly_ctx(zero.field)
     common: Any = None
     for f in polys:
-        line = _at(f, zero, v, over)
+        parts = coefficients_by(f, (v,))
+        line = over([zero.value(parts.get((i,), 0 * f)) for i in range(int(f.degrees()[v]) + 1)])
         common = line if common is None else common.gcd(line)
     # a whole line of zeros
     Undecided.refuse_if(common == 0)
@@ -245,26 +262,6 @@ def _above(zero: Zero, polys: Sequence[Any], v: int) -> list[Zero]:
     if common.degree() == 1:
         return [Zero(zero.field, {**zero.at, v: -common[0] * common[1].inverse()})]
     return _extended(zero, common, v)
-
-
-def _at(poly: Any, zero: Zero, v: int, over: Any) -> Any:
-    """Return a polynomial at a zero, as one in the variable v that is left."""
-    field = zero.field
-    powers = {
-        u: _powers(x, int(poly.degrees()[u])) for u, x in zero.at.items() if poly.degrees()[u]
-    }
-    line = [field.zero()] * (int(poly.degrees()[v]) + 1)
-    for monomial, c in terms_of(poly).items():
-        term = field(int(c))
-        for u, table in powers.items():
-            if monomial[u]:
-                term = term * table[int(monomial[u])]
-        line[int(monomial[v])] += term
-    return over(line)
-
-
-def _powers(x: Any, top: int) -> list[Any]:
-    return list(itertools.accumulate([x] * top, operator.mul, initial=x**0))
 
 
 def _extended(zero: Zero, common: Any, v: int) -> list[Zero]:
