@@ -19,8 +19,7 @@ from tiers import tiered
 import pinsing
 from pinsing._batch import engine
 from pinsing.errors import ConfigurationError, EngineError, OptionError, RobotFileError
-from pinsing.kinematics import inverse_batch
-from pinsing.kinematics.inverse_batch import InverseMany
+from pinsing.kinematics.inverse import InverseMany
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.ladder import posture_names
 from pinsing.plot.curves import path_sheet
@@ -338,7 +337,7 @@ def test_eaik_misses_nothing_that_ours_finds(name, monkeypatch):
 
 
 def test_toolpaths_say_that_they_need_the_kernel(ur5, monkeypatch):
-    monkeypatch.setattr(inverse_batch.engine, "available", lambda: False)
+    monkeypatch.setattr(engine, "available", lambda: False)
     with pytest.raises(EngineError, match="toolpaths need the compiled kernel"):
         plan_path(ur5[1], np.tile(np.eye(4), (2, 1, 1)), arm=ur5[0])
 
@@ -383,7 +382,7 @@ def test_neighbours_are_those_of_the_largest_sum_of_cosines(cyclic):
 @pytest.mark.slow
 def test_an_arm_that_has_no_decomposition_is_followed(ur5, monkeypatch):
     arm, form = ur5
-    monkeypatch.setattr(inverse_batch, "decomposed", lambda *arm: None)
+    monkeypatch.setattr(sys.modules[InverseMany.__module__], "decomposed", lambda *arm: None)
     T = circle(arm, 8)
     plan = plan_path(form, T, free="roll", step=np.radians(30), arm=arm, tool=TORCH)
     reached(arm, plan, T, TORCH)

@@ -10,7 +10,7 @@ import numpy as np
 
 import pinsing
 from pinsing._types import Array, Bool
-from pinsing.kinematics.inverse_batch import InverseMany
+from pinsing.kinematics.inverse import InverseMany
 from pinsing.kinematics.jacobian import tip_placement
 
 

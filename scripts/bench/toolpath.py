@@ -18,7 +18,7 @@ import pinocchio as pin
 
 import pinsing
 from pinsing._types import Array, Ints
-from pinsing.kinematics.inverse_batch import InverseMany
+from pinsing.kinematics.inverse import InverseMany
 from pinsing.kinematics.jacobian import tip_placement
 
 TORCH = pin.SE3(pin.utils.rotate("x", np.radians(45)), np.array([0.0, 0.05, 0.15])).homogeneous

@@ -10,10 +10,9 @@ import pytest
 from arms import place, serial
 from scipy.optimize import brentq
 
-from pinsing.kinematics.axis_dependence import DEPENDENCE_RTOL, ColumnRanks, dependences_of
 from pinsing.kinematics.batch import own_scale
 from pinsing.kinematics.jacobian import frame_jacobian, task_jacobian, tip_placement
-from pinsing.kinematics.lost_motion import JointAxes
+from pinsing.kinematics.lost_motion import DEPENDENCE_RTOL, ColumnRanks, JointAxes, dependences_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal

@@ -45,10 +45,9 @@ from pinsing.families.nearness import OwnPoints, near
 from pinsing.families.pieces import PieceMaker, SolvedPiece
 from pinsing.families.zero_set import Stop, gradients, project, proven_empty, residuals
 from pinsing.kinematics.at import Loss, State, loss_at
-from pinsing.kinematics.axis_dependence import arm_centres, generic_axes
 from pinsing.kinematics.batch import batch
 from pinsing.kinematics.jacobian import frame_jacobians
-from pinsing.kinematics.lost_motion import STRUCTURE_TOL, JointAxes
+from pinsing.kinematics.lost_motion import STRUCTURE_TOL, JointAxes, arm_centres, generic_axes
 from pinsing.kinematics.refine import kinds_many
 from pinsing.kinematics.verdict import generic_rank, own_shares, ratios
 from pinsing.measures import ALIKE, SEED, Reachability

@@ -13,19 +13,17 @@ import numpy as np
 from pinsing import measures, notebook
 from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked
-from pinsing.kinematics.axis_dependence import (
+from pinsing.kinematics.batch import in_base, own_scale
+from pinsing.kinematics.jacobian import generic_task, scale_rows, tip_and_jacobian
+from pinsing.kinematics.lost_motion import (
     DEPENDENCE_RTOL,
     AxisDependence,
-    dependences_of,
-    landmarks,
-)
-from pinsing.kinematics.batch import in_base, own_scale, random_turns
-from pinsing.kinematics.jacobian import frame_jacobians, scale_rows, tip_and_jacobian
-from pinsing.kinematics.lost_motion import (
     JointAxes,
     LostMotion,
     Tool,
     axis_name,
+    dependences_of,
+    landmarks,
     lost_motions,
     vector,
 )
@@ -525,10 +523,7 @@ def loss_at(arm: Arm, q: Array, rtol: float = SINGULAR_RTOL, near_rtol: float = 
 @kept
 def never_produced(arm: Arm) -> Array:
     """Orthonormal task directions (m, k) that the arm can produce at no configuration."""
-    exact = nominal(arm).arm
-    Q = random_turns(exact, 6, 77041)
-    J = own_scale(exact).apply(exact, frame_jacobians(exact, Q), Q)
-    U, sigma, _ = np.linalg.svd(np.concatenate(list(J), axis=1))
+    U, sigma, _ = np.linalg.svd(np.concatenate(list(generic_task(arm)), axis=1))
     return np.asarray(U[:, int((sigma > SINGULAR_RTOL * sigma[0]).sum()) :])
 
 

@@ -19,12 +19,15 @@ from pinsing.kinematics.batch import (
     joint_frames,
     model_values,
     own_scale,
+    random_turns,
     scale_rows as scale_rows,
     turned_slopes,
 )
 from pinsing.kinematics.verdict import generic_rank as generic_rank
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
+from pinsing.robot.nominal import nominal
+from pinsing.robot.source import kept
 
 
 @checked
@@ -263,6 +266,14 @@ def own_jacobians_and_derivatives(arm: Arm, Q: ArrayLike) -> tuple[Array, Array]
     scale = own_scale(arm)
     H = turned_slopes(arm, J, H, Q) * scale.rows[:, None, None]
     return scale.apply(arm, J, Q), H * scale.columns[:, None] * scale.columns
+
+
+@kept
+def generic_task(arm: Arm) -> Array:
+    """Task Jacobians (k, m, n) of the nominal geometry at random configurations, without units."""
+    exact = nominal(arm).arm
+    Q = random_turns(exact, 6)
+    return own_scale(exact).apply(exact, frame_jacobians(exact, Q), Q)
 
 
 def read_pose(pose: ArrayLike) -> tuple[Array, Array | None]:

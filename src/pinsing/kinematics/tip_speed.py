@@ -21,11 +21,10 @@ from pinsing._types import Array, ArrayLike, Bool
 from pinsing.arguments import checked
 from pinsing.description.urdf import DEFAULT_EFFORT, DEFAULT_VELOCITY
 from pinsing.errors import OptionError
-from pinsing.kinematics.batch import own_scale, random_turns, task_rows
-from pinsing.kinematics.jacobian import frame_jacobians
+from pinsing.kinematics.batch import own_scale, task_rows
+from pinsing.kinematics.jacobian import frame_jacobians, generic_task
 from pinsing.kinematics.verdict import SINGULAR_RTOL, generic_rank
 from pinsing.robot.arm import Arm
-from pinsing.robot.nominal import nominal
 
 TIP_SPEED, TURN_SPEED = 0.25, 0.5
 """Tip speeds that are judged by default, m/s and rad/s: the first is the reduced speed of
@@ -274,10 +273,7 @@ def _over(taken: Array, h: Array) -> Array:
 
 def _produced(arm: Arm) -> tuple[Array, Bool]:
     """Basis (m, r) of what the arm ever produces, translations first, and which are these."""
-    exact = nominal(arm).arm
-    Q = random_turns(exact, 6, 77041)
-    J = own_scale(exact).apply(exact, frame_jacobians(exact, Q), Q)
-    wide = np.concatenate(list(J), axis=1)
+    wide = np.concatenate(list(generic_task(arm)), axis=1)
     linear = np.array(arm.task.rows) < 3
     parts = []
     for own in (linear, ~linear):

@@ -27,7 +27,7 @@ from pinsing.algebra.nearest import SearchOptions, two_sided
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
-from pinsing.kinematics.inverse_batch import InverseMany
+from pinsing.kinematics.inverse import InverseMany
 from pinsing.kinematics.jacobian import tip_placement, tip_poses
 from pinsing.kinematics.ladder import posture_names
 from pinsing.kinematics.tip_speed import limits_of
