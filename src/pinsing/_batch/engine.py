@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -120,13 +120,10 @@ def singular_values(
     rows, Q = list(rows), np.require(Q, np.float64, ("C", "A"))
     out = np.empty((len(Q), min(len(rows), chain.n)))
     scale = [1.0 / length_scale if row < 3 else 1.0 for row in rows]
-    if chain.n > module().MAX_COLUMNS:
-        J = jacobians(chain, Q, threads=threads, isa=isa)[:, rows] * np.array(scale)[:, None]
-        out[:] = np.linalg.svd(J, compute_uv=False)
-        return out
-    if module().singular_values(
-        chain.R, chain.t, chain.prismatic, rows, scale, Q, out, *_how(isa, threads), MAX_SWEEPS
-    ):
+    how = rows, scale, Q, out, *_how(isa, threads), MAX_SWEEPS
+    if beyond := chain.n > module().MAX_COLUMNS:
+        out[:] = np.nan
+    if beyond or module().singular_values(chain.R, chain.t, chain.prismatic, *how):
         left = np.isnan(out[:, 0])
         J = jacobians(chain, Q[left], threads=threads, isa=isa)[:, rows] * np.array(scale)[:, None]
         out[left] = np.linalg.svd(J, compute_uv=False)
@@ -212,7 +209,10 @@ def count_values(
 
 @dataclass(frozen=True, eq=False)
 class WalkRules:
-    """When walks end and how far their steps go: `pinsing.kinematics.refine` has the reasons."""
+    """When walks end and how far their steps go: `pinsing.kinematics.refine` has the reasons.
+
+    In the order of the kernel.
+    """
 
     floor: float  # sigma_r / sigma_1 that only rounding is left of
     good: float  # the same from which on a step that does not improve is the end
@@ -221,11 +221,6 @@ class WalkRules:
     longest: float  # length of a step
     most_damping: float  # at which a walk is given up
     stretch: float  # factor of the second step that is tried
-
-    def numbers(self) -> list[float]:
-        """In the order of the kernel."""
-        first = [self.floor, self.good, self.stationary, self.no_minimum]
-        return [*first, self.longest, self.most_damping, self.stretch]
 
 
 def walks_covered(n: int, m: int, rank: int) -> bool:
@@ -272,7 +267,7 @@ def walks(
         rank,
         float(size),
         *(np.ascontiguousarray(limit, dtype=np.float64) for limit in limits),
-        rules.numbers(),
+        astuple(rules),
         Q,
         np.ascontiguousarray(free, dtype=np.float64),
         X,
