@@ -21,8 +21,7 @@ from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.families import ClosedForm, closed_form
 from pinsing.kinematics.jacobian import generic_rank, task_jacobians
-from pinsing.kinematics.refine import approach, walk
-from pinsing.kinematics.verdict import ratios
+from pinsing.kinematics.refine import walk
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
@@ -224,23 +223,12 @@ def check_apart(form: ClosedForm, count: int, tol: float = 1e-9) -> None:
             assert not inside, (family, other)
 
 
-def check_all(arm: Arm, form: ClosedForm, tol: float = 1e-8) -> int:
+def check_all(arm: Arm, form: ClosedForm, tol: float = 1e-9) -> int:
     """Families are singular, steps beside them are not, a search ends on them; how many it ends."""
     assert form.complete, form.gaps
-    rng = np.random.default_rng(3)
-    for family in form.families:
-        Q = family.points(100, rng)
-        assert len(Q)
-        assert ratios(arm, Q).max() < tol
-        off = Q + 0.05 * rng.normal(size=Q.shape)
-        away = np.array([form.family_of(q, tol=1e-3) is None for q in off])
-        assert away.mean() > 0.5
-        assert ratios(arm, off[away]).min() > 1e-8
-    low, high = np.maximum(arm.lower, -np.pi), np.minimum(arm.upper, np.pi)
-    ends = approach(arm, rng.uniform(low, high, (300, arm.n)))
-    singular = ends.q[ends.singular]
-    assert all(form.family_of(q, tol=1e-5) for q in singular)
-    return len(singular)
+    check_families(arm, form, 100 * len(form.families), tol=tol)
+    check_beside(arm, form, 100, share=0.5)
+    return check_search(arm, form, 300)
 
 
 def dips(values: np.ndarray) -> np.ndarray:

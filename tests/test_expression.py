@@ -9,10 +9,13 @@ from printed import value_of
 from singular_sets import RIGHT, Array, arm_of, closed, terms
 from tiers import sampled, tiered
 
+from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import equation
 from pinsing.algebra.ring import Poly, Ring, make_ring
+from pinsing.algebra.surd_ring import ring_of
 from pinsing.families import Equation
 from pinsing.families.zero_set import fix_joint, never_zero, proven_empty
+from pinsing.robot.surd import surd
 
 NAMES = ("puma560", "irb1400", "ur5", "surgical7", "panda", "xarm7", "z1", "kinova", "so101")
 
@@ -42,8 +45,8 @@ def by_polynomial(poly: Poly, ring: Ring, q: Array, shift: Array) -> Array:
     """Value of a polynomial in half-angle coordinates, straight from its terms."""
     values = np.zeros(len(q))
     half = (q + shift) / 2
-    for monomial, c in poly.to_dict().items():
-        term = np.full(len(q), float(Fraction(int(c.p), int(c.q))))
+    for monomial, c in ring.terms(poly).items():
+        term = np.full(len(q), float(c))
         for j in range(len(ring.prismatic)):
             v = ring.variables(j)
             if ring.prismatic[j]:
@@ -58,13 +61,17 @@ def by_polynomial(poly: Poly, ring: Ring, q: Array, shift: Array) -> Array:
 @pytest.mark.parametrize("seed", range(12))
 def test_numbers_equal_the_polynomial(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    ring = make_ring([False, seed % 3 == 0, False, seed % 4 == 1])
+    root = surd(Fraction(0), Fraction(1), Fraction(0), Fraction(0))
+    roots = [root] * (seed % 2)
+    ring = ring_of((False, seed % 3 == 0, False, seed % 4 == 1), roots, Budget(10))
     degrees = [int(d) for d in rng.integers(0, 4, 4)]
     poly = random_poly(ring, rng, degrees, 9)
     if poly == 0 or poly.is_constant():
         poly = poly + random_poly(ring, rng, degrees, 9)
-    prismatic = np.array(ring.prismatic)
-    offset = np.where(prismatic, 0.0, rng.choice([0.0, RIGHT, -np.pi, np.pi / 4, 0.3], 4))
+    for r in roots:
+        poly = ring.reduce(poly + random_poly(ring, rng, degrees, 5) * ring.number(r))
+    turns = rng.choice([0.0, RIGHT, 3 * RIGHT, -np.pi, np.pi / 4, 0.3], 4)
+    offset = np.where(ring.prismatic, 0.0, turns)
     made = equation(poly, ring, ("q1", "q2", "q3", "q4"), offset)
     q = rng.uniform(-4, 4, (40, 4))
     ours, theirs = made(q), by_polynomial(poly, ring, q, offset)

@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from singular_sets import check_beside, check_families
 from tiers import tiered_rows
 
 import pinsing
@@ -44,12 +45,5 @@ def test_all_families_of_a_carried_arm(carrier, robot, codimensions):
     form = pinsing.closed_form(arm, seconds=120)
     assert form.complete, form.gaps
     assert sorted(f.codimension for f in form.families) == codimensions
-    rng = np.random.default_rng(4)
-    for family in form.families:
-        q = family.points(4, rng)
-        assert len(q)
-        sigma = pinsing.singular_values(arm, q)
-        assert (sigma[:, 5] / sigma[:, 0]).max() < 1e-7, family
-        assert family.contains(q).all()
-        away = rng.uniform(-2, 2, (20, arm.n))
-        assert not family.contains(away).any()
+    check_families(arm, form, 4 * len(form.families))
+    check_beside(arm, form, 20)

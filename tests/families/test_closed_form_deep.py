@@ -4,7 +4,7 @@ import functools
 
 import numpy as np
 import pytest
-from singular_sets import check_apart, check_families, check_search, drop
+from singular_sets import check_apart, check_beside, check_families, check_search, drop
 from tiers import tiered
 
 from pinsing.description.catalog import data_folder
@@ -46,13 +46,7 @@ def test_positions_are_complete(name):
     check_families(arm, form, 12 * len(form.families))
     assert check_search(arm, form, 60) >= 50
     check_apart(form, 20)
-    rng = np.random.default_rng(4)
-    for family in form.families:
-        Q = family.points(10, rng)
-        moved = Q + 0.05 * rng.normal(size=Q.shape)
-        off = np.array([form.family_of(q, 1e-4) is None for q in moved])
-        assert off.mean() >= 0.5, family
-        assert drop(nominal(arm).arm, moved[off], form.generic_rank).min() > 1e-8
+    check_beside(arm, form, 10, share=0.5)
 
 
 @pytest.mark.slow
