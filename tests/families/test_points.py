@@ -16,7 +16,7 @@ from pinsing.algebra.ring import make_ring
 from pinsing.families import closed_form
 from pinsing.families.describe import describe
 from pinsing.families.form import families_text
-from pinsing.families.nearness import OwnPoints, Starts
+from pinsing.families.nearness import OwnPoints, own_drawn
 from pinsing.families.solve import joint_symbols
 from pinsing.families.steps import ComponentSearch
 from pinsing.families.zero_set import SearchBox, System, fix_joint, project, search
@@ -95,8 +95,8 @@ def test_a_small_residual_is_not_yet_on_the_set(rng):
     branch = Branch((), (equation(2 * y**2, ring, ("q1", "q2"), np.zeros(2)),))
     high = np.full(2, np.pi)
     space = JointSpace(("q1", "q2"), np.zeros(2, dtype=bool), -high, high, 1.0)
-    starts = Starts([(branch, np.zeros(2))], space, -high, high, False)
-    q = starts.own(Near(), 10, rng, None)
+    held = [(branch, SearchBox.of(branch, -high, high))]
+    q = own_drawn(held, space, False, Near(), 10, rng, None)
     assert len(q) == 10
     assert np.abs(q[:, 0]).max() < 2e-5
 

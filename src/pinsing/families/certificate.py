@@ -461,15 +461,13 @@ class Tree:
             # Product of terms of two relations whose resultant is looked at among many, and how
             # many of the simplest are tried.
             yield from self._plain_resultants(place)[:2]
-        minors = list(self._minors(place))
-        alone, minors = minors, [*minors, *self._without_a_turn(place, minors)]
-        minors.sort(key=self._effort)
+        minors = sorted(self._minors(place), key=self._effort)
         easy = [m for m in minors if self._effort(m)[0] == 0]
         yield from easy
         whole = self.draft.bound - len(values)
         if relations and whole <= len(relations):
             if not place.points and self.ring.codimension_at_least(whole, relations):
-                yield from self._at_points(place, alone)
+                yield from self._at_points(place, minors)
             # Terms of all relations beyond which they are not divided by each other.
             short = sum(map(len, relations)) <= 200
             if 1 < len(relations) <= _MANY + 1 and short:
@@ -491,26 +489,6 @@ class Tree:
                 if poly != 0 and not any(self.ring.divides(p, poly) for p in place.relations):
                     source = {"minor": [list(rows), list(columns)]}
                     yield Split([(self.ring.one, source)], self.ring.stripped(poly)[0])
-
-    def _without_a_turn(self, place: Place, minors: list[Split]) -> Iterator[Split]:
-        """Yield, of minors g cos a and g sin a, the sum that is g but for units."""
-        # They are of the same columns. Where some axes are parallel, rows of what the other joints
-        # do turn with the frame.
-        ring, minor = self.ring, self.draft.at(place.values)
-        for first, second in itertools.combinations(minors, 2):
-            f, g = first.form, second.form
-            ((_, a),), ((_, b),) = first.sum, second.sum
-            if a["minor"][1] != b["minor"][1] or ring.squares or len(f) * len(g) > _LONG:
-                continue
-            common = f.gcd(g)
-            p, q = divmod(f, common)[0], divmod(g, common)[0]
-            (ones,) = ring.stripped(p * p + q * q)
-            if ring.joints(p) and not ring.joints(ones):
-                u, v = (
-                    divmod(minor(*map(tuple, source["minor"])), form)[0]
-                    for source, form in ((a, f), (b, g))
-                )
-                yield Split([(p * v, a), (q * u, b)], ring.times(ones, common))
 
     def _effort(self, split: Split) -> tuple[int, int]:
         """Return the terms of factors that lead to what is not wanted, and how many there are."""

@@ -22,7 +22,7 @@ from pinsing.algebra.nearest import BOXES, GAP, SearchOptions
 from pinsing.arguments import checked, columns_of, real_numbers, whole_number
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.families.at_once import LONG, AtOnce, SolvedFor, long_form, long_ones
-from pinsing.families.nearness import Distance, OwnPoints, Starts, near, nearest, own_nearest
+from pinsing.families.nearness import Distance, OwnPoints, near, nearest, own_drawn, own_nearest
 from pinsing.families.zero_set import ROUNDS, SearchBox, Stop, search
 from pinsing.measures import ROUNDING, Reachability
 from pinsing.notebook import formula, legend, marked, name, table, text
@@ -153,30 +153,28 @@ def _listed(values: Sequence[ValueReach], slides: bool) -> str:
 
 
 def spread(
-    held: Sequence[tuple[Branch, Array]],
-    lower: Array,
-    upper: Array,
+    held: Sequence[tuple[Branch, SearchBox]],
+    n: int,
     count: int,
     rng: np.random.Generator,
     rounds: int,
     stop: Stop | None = None,
 ) -> Array:
-    """Return up to ``count`` points (k, n) in a box, about as many of each held branch."""
+    """Return up to ``count`` points (k, n), about as many of each branch in its box."""
     alive = [held[i] for i in rng.permutation(len(held))]
-    parts = [np.zeros((0, len(lower)))]
+    parts = [np.zeros((0, n))]
     missing = count
     for _ in range(4):  # what one branch lacks, the others give in the next pass
         share = np.full(len(alive), missing // max(1, len(alive)))
         share[: missing - share.sum()] += 1
-        for (branch, fixed), some in zip(tuple(alive), share, strict=True):
+        for (branch, box), some in zip(tuple(alive), share, strict=True):
             if some == 0:
                 continue
-            box = SearchBox.of(branch, lower, upper, fixed)
             part = search(branch.equations, box, int(some), rng, rounds, stop)
             parts.append(part)
             missing -= len(part)
             if not len(part):
-                alive = [a for a in alive if a[1] is not fixed or a[0] is not branch]
+                alive = [a for a in alive if a[1] is not box]
         if missing == 0 or not alive or (stop is not None and stop()):
             break
     return np.concatenate(parts)
@@ -590,18 +588,18 @@ class Family(JsonResult):
         for widen in (0.0, 1.0, 10.0):  # sliders may have to leave their limits
             far = widen * self.length_scale
             low, high = lower - far * below, upper + far * above
-            found = self._own(spread(usable, low, high, n, rng, rounds, stop))
+            held = [(b, SearchBox.of(b, low, high, v)) for b, v in usable]
+            found = self._own(spread(held, self.n, n, rng, rounds, stop))
             if len(found) < n and self.confirm is not None:
-                starts = Starts(usable, self.space, low, high, within_limits)
-                more = starts.own(self.confirm, n - len(found), rng, stop)
-                found = np.concatenate([found, more])
+                given = self.space, within_limits, self.confirm, n - len(found), rng, stop
+                found = np.concatenate([found, own_drawn(held, *given)])
             idle = 0
             # The same where nothing limits the time.
             again = _AGAIN if stop is not None else 40
             for _ in range(again if len(found) and self.confirm is not None else 0):
                 if len(found) == n or idle == _AGAIN or (stop is not None and stop()):
                     break
-                more = self._own(spread(usable, low, high, n, rng, rounds, stop))
+                more = self._own(spread(held, self.n, n, rng, rounds, stop))
                 idle = 0 if len(more) else idle + 1
                 found = np.concatenate([found, more])[:n]
             if len(found) or not (below.any() or above.any()):

@@ -207,44 +207,39 @@ _FEWEST, _MOST = 40, 400
 """Starts at once: where the time is over, and where it is not."""
 
 
-@dataclass(frozen=True, eq=False)
-class Starts:
-    """Where random starts are drawn from."""
+def own_drawn(
+    held: Sequence[tuple[Branch, SearchBox]],
+    space: JointSpace,
+    within: bool,
+    confirm: OwnPoints,
+    n: int,
+    rng: np.random.Generator,
+    stop: Stop | None,
+) -> Array:
+    """Return up to n own points (k, n) from random starts, about as many a branch.
 
-    held: Sequence[tuple[Branch, Array]]  # branches with the values of their fixed joints
-    space: JointSpace  # of all joints
-    # lower and upper: (n,): the box
-    lower: Array
-    upper: Array
-    within: bool  # whether points outside of it do not count
-
-    def own(self, confirm: OwnPoints, n: int, rng: np.random.Generator, stop: Stop | None) -> Array:
-        """Return up to n own points (k, n), about as many a branch, by rank, then by equations."""
-        found = [np.zeros((0, self.space.n))]
-        share = -(-n // max(1, len(self.held)))
-        for i, (branch, fixed) in enumerate(self.held):
-            if i and stop is not None and stop():
+    By rank, then by equations; ``within``: points outside of the boxes do not count.
+    """
+    found = [np.zeros((0, space.n))]
+    for i, (branch, box) in enumerate(held):
+        if i and stop is not None and stop():
+            break
+        missing = -(-n // len(held))
+        # Times that so many are tried.
+        for _ in range(4):
+            late = stop is not None and stop()  # then a first look is taken all the same
+            count = 12 if late else min(max(_FEWEST, 4 * missing), _MOST)
+            q = space.fold(confirm.drawn(count, box, rng))
+            q = q[box.inside(q)]
+            q = q[near((branch,), space, q, ROUNDING)] if len(q) else q
+            found.append(q[:missing])
+            missing -= len(found[-1])
+            if missing == 0 or not len(q) or (stop is not None and stop()):
                 break
-            box = SearchBox.of(branch, self.lower, self.upper, fixed)
-            missing = share
-            # Times that so many are tried.
-            for _ in range(4):
-                late = stop is not None and stop()  # then a first look is taken all the same
-                count = 12 if late else min(max(_FEWEST, 4 * missing), _MOST)
-                q = self._inside(confirm.drawn(count, box, rng))
-                q = q[near((branch,), self.space, q, ROUNDING)] if len(q) else q
-                found.append(q[:missing])
-                missing -= len(found[-1])
-                if missing == 0 or not len(q) or (stop is not None and stop()):
-                    break
-            if missing:
-                count = min(max(_FEWEST, 4 * missing), _MOST)
-                q = thrown(branch.equations, box, count, rng, stop)
-                q = q[confirm(q)] if len(q) else q
-                found.append((self._inside(q) if self.within else q)[:missing])
-        return np.concatenate(found)[:n]
-
-    def _inside(self, q: Array) -> Array:
-        """Those of some points (N, n) that are in the box, up to whole turns."""
-        q = self.space.fold(q)
-        return np.asarray(q[((q >= self.lower - 1e-9) & (q <= self.upper + 1e-9)).all(axis=-1)])
+        if missing:
+            count = min(max(_FEWEST, 4 * missing), _MOST)
+            q = thrown(branch.equations, box, count, rng, stop)
+            q = q[confirm(q)] if len(q) else q
+            q = space.fold(q) if within else q
+            found.append((q[box.inside(q)] if within else q)[:missing])
+    return np.concatenate(found)[:n]

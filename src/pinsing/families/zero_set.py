@@ -48,10 +48,14 @@ class SearchBox:
         """Random configurations (N, n)."""
         return self.put(rng.uniform(self.lower, self.upper, (count, len(self.lower))))
 
-    def holds(self, q: Array, slack: float = ROUNDING) -> Bool:
-        """Return which of some configurations (N, n) are inside."""
-        inside = (q >= self.lower - slack) & (q <= self.upper + slack) | ~self.free
+    def inside(self, q: Array, slack: float = ROUNDING, but: bool | Bool = False) -> Bool:
+        """Return which of some configurations (N, n) are inside, ``but`` for some joints."""
+        inside = (q >= self.lower - slack) & (q <= self.upper + slack) | but
         return np.asarray(inside.all(axis=-1))
+
+    def holds(self, q: Array, slack: float = ROUNDING) -> Bool:
+        """Return which of some configurations (N, n) have free joints inside."""
+        return self.inside(q, slack, ~self.free)
 
 
 MOST_ORDERED = 3
