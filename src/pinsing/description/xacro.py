@@ -259,23 +259,20 @@ def _converse(path: Path, request: dict[str, Any], files: XacroFiles) -> dict[st
     answer: dict[str, Any] | None = None
     assert child.stdin is not None
     assert child.stdout is not None
+    gone = BrokenPipeError, ConnectionResetError  # why is told below
     try:
-        with child.stdin, child.stdout:
-            child.stdin.write(json.dumps(request).encode() + b"\n")
-            child.stdin.flush()
-            while answer is None:
-                line = child.stdout.readline(LARGEST)
-                if not line.endswith(b"\n"):
-                    break
-                message = json.loads(line)
-                if (answer := message.get("answer")) is None:
-                    child.stdin.write(json.dumps(files.answer(message)).encode() + b"\n")
-                    child.stdin.flush()
+        with contextlib.suppress(*gone), child.stdin as told, child.stdout as said:
+            line, reply = b"\n", request
+            while answer is None and line.endswith(b"\n"):
+                told.write(json.dumps(reply).encode() + b"\n")
+                told.flush()
+                line = said.readline(LARGEST)
+                question = json.loads(line) if line.endswith(b"\n") else {}
+                answer = question.get("answer")
+                reply = files.answer(question) if "ask" in question else {}
         if answer is None:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 child.wait(_FAREWELL)  # of itself, so that its exit code says why
-    except (BrokenPipeError, ConnectionResetError):
-        child.wait()  # it has ended; why is told below
     finally:
         clock.cancel()
         child.kill()
