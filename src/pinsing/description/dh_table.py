@@ -308,7 +308,7 @@ def dh_to_urdf(table: DHTable) -> str:
     return f"{declaration}\n{_banner(table)}{start}{robot.rstrip()}\n"
 
 
-def with_turns(table: DHTable, turning: Collection[int]) -> list[tuple[str, str, Placement]]:
+def with_turns(table: DHTable, turning: Collection[int] = ()) -> list[tuple[str, str, Placement]]:
     """Return joints base to tip with the axis of each, x, z or none, and where it sits.
 
     Twists of the rows ``turning``, counted from 1, are joints of their own, about x; their names
@@ -398,7 +398,7 @@ def _arm(table: DHTable) -> dict[str, Any]:
     """Return the numbers that the xacro reads: text of joints, shapes, and the arm's size [m]."""
     # Shapes are rounded to a nanometre so that no libm shows in the file.
     joints, count = _joints(table), len(table.rows)
-    ends = [place for _, _, place in with_turns(table, ())]
+    ends = [place for _, _, place in with_turns(table)]
     names = (BASE, *(joint["child"] for joint in joints))
     links: list[dict[str, Any]] = [{"name": name, "bones": []} for name in names]
     for i, end in enumerate(ends):

@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from pinsing._types import Chain
 from pinsing.description.catalog import known_arms
-from pinsing.description.dh_table import known_table
+from pinsing.description.dh_table import known_table, with_turns
 from pinsing.description.yaml_tree import YamlNode, compose
 from pinsing.errors import OptionError, RobotFileError
 from pinsing.robot.arm import Arm
@@ -87,12 +87,11 @@ def known_like(robot: Arm) -> tuple[str, AxisDifference] | None:
 
 
 def _table_chain(name: str) -> Chain:
-    rows, placed = known_table(name).rows, [pin.SE3.Identity()]
-    for r in rows:
-        turn = pin.SE3(pin.utils.rotate("z", r.theta), np.zeros(3))
-        placed.append(turn * pin.SE3(pin.utils.rotate("x", r.alpha), np.array([r.a, 0, r.d])))
-    R, t = np.array([m.rotation for m in placed]), np.array([m.translation for m in placed])
-    return Chain(R, t, np.array([r.type == "prismatic" for r in rows]))
+    table = known_table(name)
+    placed = [place for _, _, place in with_turns(table)]
+    R = np.array([pin.rpy.rpyToMatrix(*place.rpy) for place in placed])
+    slides = np.array([row.type == "prismatic" for row in table.rows])
+    return Chain(R, np.array([place.xyz for place in placed]), slides)
 
 
 def _placement(node: YamlNode) -> pin.SE3:
