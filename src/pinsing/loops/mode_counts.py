@@ -309,7 +309,7 @@ def _hinged_poses(
         yield pin.exp3(np.arctan2(y[3], y[2]) * axis) @ R, at
 
 
-def level_words(mechanism: Mechanism, found: Sequence[Array], direct: bool, p: Array) -> str:
+def level_words(mechanism: Mechanism, found: Sequence[Array], p: Array | None) -> str:
     """Return how many configurations keep the output's axes, against algebra's number; or ""."""
     # ``found``: those within the limits; ``p`` (3,) is the position of the inverse problem.
     with suppress(NotThisKind):
@@ -317,8 +317,9 @@ def level_words(mechanism: Mechanism, found: Sequence[Array], direct: bool, p: A
         turned = [output_pose(mechanism, q).rotation - np.eye(3) for q in found]
         level = sum(bool(np.abs(x).max() <= _LEVEL) for x in turned)
         q = found[0] if len(found) else home(mechanism)
-        number = _three_spheres(pairs, q) if direct else _solutions(pairs, np.eye(3), p)
-        by = "three spheres" if direct else "the two solutions of each crank"
+        number, by = (_three_spheres(pairs, q), "three spheres") if p is None else (
+            _solutions(pairs, np.eye(3), p), "the two solutions of each crank"
+        )  # fmt: skip
         all_ = "all there are" if number == level else f"of {number} that there are"
         return f"; {level} with the output not turned: {all_}, by {by}"
     return ""
@@ -442,27 +443,3 @@ def _ring(mechanism: Mechanism) -> list[int]:
     pins = [j for j in ring if j not in mechanism.actuated]
     whole = len(pins) == 3 and set(mechanism.passive) <= set(pins)
     return ring if whole and not set(first) & set(second) else []
-
-
-def noun(problem: str, count: int) -> str:
-    """Of so many modes of a problem, ``direct`` or ``inverse``."""
-    kind = "assembly mode" if problem == "direct" else "working mode"
-    return kind if count == 1 else f"{kind}s"
-
-
-def found_words(
-    problem: str, count: int, starts: int, hits: list[int], beyond: int, bound: int | None,
-    complete: bool,
-) -> str:  # fmt: skip
-    """What a search from random starts gave, and whether more can exist."""
-    words = f"{count} {noun(problem, count)} found from {starts} starts"
-    if beyond:
-        words += f", {beyond} more pose{'s' * (beyond != 1)} beyond the joint limits"
-    if complete:
-        return f"{words}; no more can exist"
-    words += "; more may exist"
-    if once := sum(h == 1 for h in hits):
-        words += f" ({once} of {len(hits)} poses {'was' if once == 1 else 'were'} met only once)"
-    if bound is not None:
-        words += f", at most {bound} with limits left aside"
-    return words

@@ -170,9 +170,9 @@ class Curve:
                 break
         return q if float(np.abs(self.loops.scaled(q)[0]).max()) <= SOLVED else None
 
-    def run(self, start: Array, along: Array | None) -> tuple[list[tuple[Array, Array]], bool]:
+    def run(self, start: Array, side: Array | None) -> tuple[list[tuple[Array, Array]], bool]:
         """Points and tangents from ``start`` on, and whether the curve came back to it."""
-        q, t = start, self.tangent(start, along)
+        q, t = start, self.tangent(start, side)
         out = [(q, t)]
         step, travelled = self.step, 0.0
         while len(out) < _MOST:
@@ -189,7 +189,11 @@ class Curve:
             if new is None or turn @ t < 0.5:
                 return out, False
             travelled += step
-            if travelled > 2 * self.step and self._back(start, out[0][1], q, t, step):
+            # Whether the step leads over the start, in the same direction.
+            gap = self.mechanism.space.wrap(start - q) / self.units
+            along = float(gap @ t)
+            near = 0 <= along <= step and np.abs(gap - along * t).max() <= step / 4
+            if travelled > 2 * self.step and near and out[0][1] @ t > 0.5:
                 # The start, moved by the whole turns that the curve has made.
                 out.append((new + self.mechanism.space.wrap(start - new), out[0][1]))
                 return out, True
@@ -222,13 +226,6 @@ class Curve:
             else:
                 long = middle
         return good
-
-    def _back(self, start: Array, first: Array, q: Array, t: Array, step: float) -> bool:
-        """Whether the step from q leads over the start, in the same direction."""
-        gap = self.mechanism.space.wrap(start - q) / self.units
-        along = float(gap @ t)
-        across = float(np.abs(gap - along * t).max())
-        return bool(0 <= along <= step and across <= step / 4 and first @ t > 0.5)
 
 
 class StoppedError(PinsingError):
@@ -452,30 +449,30 @@ def _solve(loops: Loops, q: Array, kind: str, held: list[int]) -> Array:
             found.append(np.vstack([G, actuated]))
         return error, [(M, slice(k, k + 1)) for k, M in enumerate(found)]
 
-    def residual(x: Array, Z: Array, made: tuple[Array, list[tuple[Array, slice]]]) -> Array:
-        error, blocks = made
-        moved = [(M @ Z[:, c]).ravel() for M, c in blocks]
-        unit = (Z.T @ Z - np.eye(d))[pairs]
-        return np.concatenate([error, *moved, unit, (x - start)[held]])
+    def equations(Z: Array, blocks: list[tuple[Array, slice]]) -> Array:
+        """What the matrices make of Z (..., n, d), and the products of its columns."""
+        moved = [(M @ Z[..., c]).reshape(*Z.shape[:-2], -1) for M, c in blocks]
+        unit = (np.swapaxes(Z, -1, -2) @ Z - np.eye(d))[..., pairs[0], pairs[1]]
+        return np.concatenate([*moved, unit], axis=-1)
+
+    def residual(x: Array, Z: Array) -> Array:
+        error, blocks = matrices(x)
+        return np.concatenate([error, equations(Z, blocks), (x - start)[held]])
 
     def inverse_at(x: Array, Z: Array) -> Array:
         """The inverse of the Jacobian, by central differences: in Z, of degree 2, exact."""
         sides = [(x + step_x * e, x - step_x * e) for e in np.eye(n)]
-        columns = [
-            (residual(a, Z, matrices(a)) - residual(b, Z, matrices(b))) / (2 * step_x)
-            for a, b in sides
-        ]
-        made = matrices(x)
-        columns += [
-            (residual(x, Z + E, made) - residual(x, Z - E, made)) / 2
-            for E in np.eye(n * d).reshape(-1, n, d)
-        ]
-        return np.asarray(np.linalg.pinv(np.array(columns).T, rcond=1e-9))
+        in_x = np.array([residual(a, Z) - residual(b, Z) for a, b in sides]) / (2 * step_x)
+        error, blocks = matrices(x)
+        units = np.eye(n * d).reshape(-1, n, d)
+        in_Z = (equations(Z + units, blocks) - equations(Z - units, blocks)) / 2
+        in_Z = np.pad(in_Z, ((0, 0), (len(error), len(held))))
+        return np.asarray(np.linalg.pinv(np.concatenate([in_x, in_Z]).T, rcond=1e-9))
 
     x, Z = start, np.zeros((n, d))
     for M, c in matrices(x)[1]:
         Z[:, c] = np.linalg.svd(M)[2][-Z[:, c].shape[1] :].T
-    value = residual(x, Z, matrices(x))
+    value = residual(x, Z)
     size, stalled = float(np.linalg.norm(value)), 0
     for _ in range(40):
         if size <= 1e-15 or stalled == 2:
@@ -487,7 +484,7 @@ def _solve(loops: Loops, q: Array, kind: str, held: list[int]) -> Array:
         for _ in range(6):
             x_new = x + factor * step[:n]
             Z_new = Z + factor * step[n:].reshape(n, d)
-            value_new = residual(x_new, Z_new, matrices(x_new))
+            value_new = residual(x_new, Z_new)
             size_new = float(np.linalg.norm(value_new))
             # Where joints are nearly locked the equations bend: the step that is left tells more.
             ahead, behind = (float(np.linalg.norm(x)) for x in (inverse @ value_new, step))

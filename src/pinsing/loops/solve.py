@@ -19,7 +19,7 @@ from pinsing.errors import ConfigurationError, OptionError
 from pinsing.loops.closure import BatchLoops, Loops, gauss_newton, ranks
 from pinsing.loops.legs import most_assemblies
 from pinsing.loops.loop_forms import planar_dyad
-from pinsing.loops.mode_counts import found_words, level_words, noun, number_of_modes
+from pinsing.loops.mode_counts import level_words, number_of_modes
 from pinsing.loops.motion import (
     MANY,
     Pose,
@@ -433,7 +433,7 @@ def assembly_modes(
             "another value, or ignore the limits (--ignore-limits, without_limits())"
         )
     passive = np.isin(np.arange(mechanism.n), mechanism.passive)
-    return _sought(mechanism, "direct", begin, passive, None, starts, seed)
+    return _sought(mechanism, begin, passive, None, starts, seed)
 
 
 @checked
@@ -489,7 +489,7 @@ def working_modes(
         return _exact(mechanism, "inverse", dyad.working_modes(at), 4)
     free = np.ones(mechanism.n, dtype=bool)
     target = (np.array(wanted.rotation), np.array(wanted.translation), mechanism.task.rows)
-    return _sought(mechanism, "inverse", mechanism.home.copy(), free, target, starts, seed)
+    return _sought(mechanism, mechanism.home.copy(), free, target, starts, seed)
 
 
 def assemblies(
@@ -512,27 +512,32 @@ def assemblies(
     return found.modes
 
 
+def _noun(problem: str, count: int) -> str:
+    """Of so many modes of a problem, ``direct`` or ``inverse``."""
+    kind = "assembly mode" if problem == "direct" else "working mode"
+    return kind if count == 1 else f"{kind}s"
+
+
 def _exact(mechanism: Mechanism, problem: str, found: tuple[Array, ...], most: int) -> Modes:
     inside = [q for q in found if not mechanism.space.unreachable(q).any()]
     beyond = len(found) - len(inside)
     solved = (_solution(mechanism, q, 1) for q in inside)
     modes = tuple(sorted(solved, key=lambda s: _order(s, mechanism)))
-    words = f"{noun(problem, len(modes))}: all there are, by the intersection of circles"
+    words = f"{_noun(problem, len(modes))}: all there are, by the intersection of circles"
     words = f"{len(modes)} {words}" + f"; {beyond} more beyond the joint limits" * (beyond > 0)
     return Modes(problem, modes, 0, (), beyond, 0, most, True, words)
 
 
 def _sought(
     mechanism: Mechanism,
-    problem: str,
     begin: Array,
     free: Bool,
     target: tuple[Array, Array, tuple[int, ...]] | None,
     starts: int,
     seed: int,
 ) -> Modes:
-    rng = np.random.default_rng(seed)
-    loops = BatchLoops(mechanism)
+    """Modes from random starts; of the direct problem where there is no target."""
+    direct, rng, loops = target is None, np.random.default_rng(seed), BatchLoops(mechanism)
     poses, hits = _poses(loops, closed_from_random(loops, begin, free, starts, rng, target))
     loose = [motions(mechanism, q).input_ratio <= ALIKE for q in poses]
     # All but the first of the poses at which the output is loose, where there are many.
@@ -553,25 +558,31 @@ def _sought(
     cut = len(pairs) > _MOST
     pairs = sorted(pairs[:_MOST], key=lambda x: _order(x[0], mechanism))
     modes = [m for m, _ in pairs]
-    bound = most_assemblies(mechanism) if problem == "direct" else None
+    bound = most_assemblies(mechanism) if direct else None
     number, by = number_of_modes(mechanism, begin[list(mechanism.actuated)], target, poses)
-    reached_all = number == (len(poses) if problem == "direct" else len(modes)) and not spare
+    reached_all = number == (len(poses) if direct else len(modes)) and not spare
     complete = reached_all or (bound is not None and len(poses) >= bound and not spare)
-    words = found_words(
-        problem, len(modes), starts, [hits[k] for k in kept], beyond, bound, complete
-    )
+    problem = "direct" if direct else "inverse"
+    count = f"{len(modes)} {_noun(problem, len(modes))}"
+    more = f"{beyond} more pose{'s' * (beyond != 1)} beyond the joint limits"
     if reached_all and not cut:
-        words = f"{len(modes)} {noun(problem, len(modes))}: all there are, by {by}"
-        if beyond:
-            words += f"; {beyond} more pose{'s' * (beyond != 1)} beyond the joint limits"
-    elif number is not None and target is None:
-        words += f"; there are {number}, by {by}"
-    elif number is not None and number > len(modes) and not cut:
-        words += f"; at most {number} within the limits of the actuators, by {by}"
+        words = f"{count}: all there are, by {by}" + f"; {more}" * (beyond > 0)
+    else:
+        words = f"{count} found from {starts} starts" + f", {more}" * (beyond > 0)
+        words += "; no more can exist" if complete else "; more may exist"
+        once = sum(hits[k] == 1 for k in kept)
+        if once and not complete:
+            was = "was" if once == 1 else "were"
+            words += f" ({once} of {len(kept)} poses {was} met only once)"
+        if bound is not None and not complete:
+            words += f", at most {bound} with limits left aside"
+        if number is not None and direct:
+            words += f"; there are {number}, by {by}"
+        elif number is not None and number > len(modes) and not cut:
+            words += f"; at most {number} within the limits of the actuators, by {by}"
     if not complete and not spare and not cut:
-        found = poses if problem == "direct" else [m.q for m in modes]
-        at = np.zeros(3) if target is None else target[1]
-        words += level_words(mechanism, found, problem == "direct", at)
+        found = poses if direct else [m.q for m in modes]
+        words += level_words(mechanism, found, None if target is None else target[1])
     if moving:
         words += (
             f"; at {moving} of them a leg moves by itself, the output at rest and the inputs held: "
