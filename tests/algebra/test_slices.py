@@ -7,9 +7,8 @@ import pytest
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.decompose import Decomposition
-from pinsing.algebra.generic_points import Residues, slice_points
+from pinsing.algebra.generic_points import Residues, rank_over, slice_points
 from pinsing.algebra.ring import make_ring
-from pinsing.algebra.zeros import rank_over
 
 
 @pytest.fixture

@@ -10,10 +10,9 @@ from tiers import tiered
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.real_roots import real_roots
-from pinsing.algebra.ring import make_ring
+from pinsing.algebra.ring import WORD_PRIME, make_ring
 from pinsing.algebra.surd_ring import _EXPONENTS, SurdRing, ring_of
-from pinsing.algebra.zeros import WORD_PRIME, residue, root_modulo
-from pinsing.robot.surd import cosine, surd
+from pinsing.robot.surd import cosine, residue, root_modulo, surd
 
 ROOT2, ROOT3, ROOT6 = (surd(*(Fraction(int(i == k)) for i in range(4))) for k in (1, 2, 3))
 

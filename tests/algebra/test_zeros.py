@@ -9,7 +9,8 @@ import pytest
 from tiers import tiered
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.algebra.zeros import WORD_PRIME, Undecided, Zero, modular_context, zeros
+from pinsing.algebra.generic_points import Undecided, Zero, zeros
+from pinsing.algebra.ring import WORD_PRIME, modular_context
 
 NAMES = "xyzu"
 

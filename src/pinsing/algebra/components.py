@@ -17,10 +17,18 @@ import numpy as np
 from flint import Ordering, fmpz_mpoly_ctx, fmpz_mpoly_vec
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.algebra.generic_points import Residues, SlicePoint, Slices, slice_points
+from pinsing.algebra.generic_points import Residues, SlicePoint, Slices, Undecided, slice_points
 from pinsing.algebra.minors import Minors
-from pinsing.algebra.ring import Poly, Ring, Value, coefficients_by, terms_of, whole_terms
-from pinsing.algebra.zeros import SECOND_PRIME, WORD_PRIME, Undecided
+from pinsing.algebra.ring import (
+    SECOND_PRIME,
+    WORD_PRIME,
+    Poly,
+    Ring,
+    Value,
+    coefficients_by,
+    terms_of,
+    whole_terms,
+)
 
 
 @dataclass(frozen=True)

@@ -40,11 +40,10 @@ from pinsing.algebra.components import (
     by_size,
     inside,
 )
-from pinsing.algebra.generic_points import Residues, SlicePoint, Slices, slice_points
+from pinsing.algebra.generic_points import Residues, SlicePoint, Slices, Undecided, slice_points
 from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.minors import Minors, corner, cost
-from pinsing.algebra.ring import Packed, Poly, Ring, Value
-from pinsing.algebra.zeros import WORD_PRIME, Undecided
+from pinsing.algebra.ring import WORD_PRIME, Packed, Poly, Ring, Value
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,32 +1,334 @@
 """Points over finite fields at which polynomials are zero, and what others are there.
 
-They come from ``slices``. A prime has 62 bits, and what is computed modulo it is exact: the points
-have coordinates in finite fields, and a rank is a rank.
+A prime has 62 bits, and what is computed modulo it is exact: the points have coordinates in finite
+fields, and a rank is a rank.
+
+All common zeros of k polynomials in k variables, over the closure of the field: variables are
+eliminated by resultants, down to one; its values are roots of irreducible factors, each in a field
+of its own, and from there the other variables follow as common roots, in larger fields where they
+must be. A resultant has zeros of its own making besides: those have no common root above them, and
+fall away.
 """
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field as dataclass_field
 from typing import Any
 
 import numpy as np
-from flint import nmod_mat
+from flint import fmpz_mod_poly_ctx, fq_default_ctx, fq_default_poly_ctx, nmod_mat, nmod_poly
 
 from pinsing.algebra.matrix import Matrix
-from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value, terms_of
-from pinsing.algebra.zeros import (
+from pinsing.algebra.ring import (
     WORD_PRIME,
-    Undecided,
-    Zero,
+    MadeOnce,
+    Poly,
+    Ring,
+    Value,
+    coefficients_by,
+    divided_by,
     image,
     modular_context,
-    rank_over,
-    residue,
-    zeros,
+    terms_of,
 )
+from pinsing.errors import Refusal
+from pinsing.robot.surd import residue
+
+
+def rank_over(field_rows: Sequence[Sequence[Any]]) -> int:
+    """Rank of a matrix over a finite field, by elimination."""
+    rows = [list(row) for row in field_rows]
+    rank = 0
+    while rows and rows[0]:
+        k = next((i for i, row in enumerate(rows) if not row[0].is_zero()), None)
+        if k is None:
+            rows = [row[1:] for row in rows]
+            continue
+        pivot = rows.pop(k)
+        inverse = pivot[0].inverse()
+        rows = [
+            [x - row[0] * inverse * p for x, p in zip(row[1:], pivot[1:], strict=True)]
+            for row in rows
+        ]
+        rank += 1
+    return rank
+
+
+class Undecided(Refusal):
+    """The zeros are not finitely many, or more than can be told apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class Zero:
+    """One common zero, and with it all its conjugates."""
+
+    field: Any  # the finite field of the coordinates
+    at: Mapping[int, Any]  # variable (by index) and its value
+
+    # powers of values that were asked for
+    powers: dict[tuple[int, int], Any] = dataclass_field(default_factory=dict)
+
+    @functools.cached_property
+    def _residues(self) -> dict[int, int]:
+        return {v: _number(x) for v, x in self.at.items()}
+
+    def value(self, poly: Any) -> Any:
+        """Value there of a polynomial in these variables."""
+        if self.field.degree() == 1:
+            known = [self._residues.get(v, 0) for v in range(poly.context().nvars())]
+            return self.field(int(poly(*known)))
+        total = self.field.zero()
+        for monomial, c in terms_of(poly).items():
+            term = self.field(int(c))
+            for key in enumerate(monomial):
+                if key[1]:
+                    if key not in self.powers:
+                        self.powers[key] = self.at[key[0]] ** int(key[1])
+                    term = term * self.powers[key]
+            total = total + term
+        return total
+
+
+def zeros(
+    polys: Sequence[Any],
+    variables: Sequence[int],
+    nonzero: Mapping[int, Any],
+    rng: np.random.Generator,
+    check: Callable[[float], None],
+    patient: bool = True,
+) -> Iterable[Zero]:
+    """Return every common zero of ``polys``; lazily, unless ``patient``, which tries other ways.
+
+    There are as many ``polys`` as ``variables`` (indices) or more, in these alone, modulo a prime
+    of 62 bits. Zeros of ``nonzero`` polynomials, in one variable each, are not wanted. ``check`` is
+    asked, with the number of term products, before each long step. Undecided if there are
+    infinitely many, or an eliminant is too long.
+    """
+    prime = int(polys[0].context().modulus())
+    if patient:
+        with contextlib.suppress(Undecided):
+            return _Solver(nonzero, rng, check, prime, True, False).solve(polys, variables)
+        return _Solver(nonzero, rng, check, prime, True, True).solve(polys, variables)
+    return _Solver(nonzero, rng, check, prime, False, False).each(polys, variables)
+
+
+@dataclass(frozen=True, eq=False)
+class _Solver:
+    """What all steps of an elimination share: parameters of ``zeros``, and the prime.
+
+    ``orders``: try other orders of elimination; ``mixing``: try combinations of the polynomials.
+    """
+
+    nonzero: Mapping[int, Any]
+    rng: np.random.Generator
+    check: Callable[[float], None]
+    prime: int
+    orders: bool
+    mixing: bool
+
+    def solve(self, polys: Sequence[Any], variables: Sequence[int]) -> list[Zero]:
+        """See ``zeros``: all of them."""
+        return list(self.each(polys, variables))
+
+    def each(self, polys: Sequence[Any], variables: Sequence[int]) -> Iterator[Zero]:
+        """See ``zeros``: one after the other."""
+        Undecided.refuse_if(any(f == 0 for f in polys))
+        if any(f.is_constant() for f in polys):
+            return
+        if not variables:
+            yield Zero(_field(self.prime), {})
+            return
+        having = {v: [f for f in polys if f.degrees()[v] > 0] for v in variables}
+        cost = {v: (len(having[v]), sum(f.degrees()[v] for f in having[v])) for v in variables}
+        ordered = sorted(variables, key=cost.__getitem__)
+        for v in ordered[:-1] if self.orders else ():
+            try:
+                found = list(self._solved(polys, variables, v, having[v]))
+            except Undecided:
+                # Zeros that are not wanted may be whole curves; some variable, eliminated first,
+                # leaves them where they are known.
+                continue
+            yield from found
+            return
+        v = ordered[-1 if self.orders else 0]
+        yield from self._solved(polys, variables, v, having[v])
+
+    def _solved(
+        self, polys: Sequence[Any], variables: Sequence[int], v: int, having: Sequence[Any]
+    ) -> Iterator[Zero]:
+        """Zeros, with one variable eliminated first."""
+        rest = [u for u in variables if u != v]
+        if not having:  # none, or as many as there are values of v
+            Undecided.refuse_if(self.solve(polys, rest))
+            return
+        if not rest:
+            below = self.solve([], [])
+        elif len(having) == 1:
+            below = self.solve([f for f in polys if f is not having[0]], rest)
+        else:
+            below = self._eliminated(polys, having, v, rest)
+        for zero in below:
+            self.check(0.0)
+            yield from (z for z in _above(zero, having, v) if self._wanted(z, v))
+
+    def _eliminated(
+        self, polys: Sequence[Any], having: Sequence[Any], v: int, rest: Sequence[int]
+    ) -> list[Zero]:
+        """Zeros of resultants in place of the polynomials that have variable v."""
+        free = [f for f in polys if f.degrees()[v] == 0]
+        ordered = sorted(having, key=lambda f: (f.degrees()[v], len(f)))
+        try:
+            return self.solve([*free, *self._resultants(ordered, v)], rest)
+        except Undecided:
+            if len(having) < 3 or not self.mixing:
+                raise
+        # Over a whole curve the pivot may share one root with one of the others, and another
+        # with the next. Not so where they are mixed.
+        mixed = [sum(f * int(self.rng.integers(1, self.prime)) for f in having) for _ in having]
+        return self.solve([*free, *self._resultants(mixed, v)], rest)
+
+    def _resultants(self, polys: Sequence[Any], v: int) -> list[Any]:
+        """Return resultants with the first polynomial, and of three or more one more."""
+        # It rules out most of the zeros of the resultants' own making.
+        pairs = [(polys[0], f) for f in polys[1:]]
+        if len(polys) > 2:
+            pairs.append((polys[1], polys[2]))
+        out = []
+        for pivot, f in pairs:
+            a, b = ([int(d) for d in g.degrees()] for g in (pivot, f))
+            into = [1.0 + a[v] * b[u] + b[v] * a[u] for u in range(len(a)) if u != v]
+            terms = float(np.prod(into))
+            # Of an eliminant; beyond, its factors take seconds.
+            # Of a resultant.
+            Undecided.refuse_if(max(into, default=0) > 3_000 or terms > 10_000)
+            # Term products that one of a resultant costs.
+            self.check(8.0 * terms * (a[v] + b[v]) ** 2)
+            out.append(self._without(pivot.resultant(f, pivot.context().names()[v])))
+        return out
+
+    def _without(self, poly: Any) -> Any:
+        """A polynomial without the factors whose zeros are not wanted."""
+        return functools.reduce(divided_by, self.nonzero.values(), poly)
+
+    def _wanted(self, zero: Zero, v: int) -> bool:
+        """Return True if the value of variable v is none of the unwanted ones."""
+        return v not in self.nonzero or not zero.value(self.nonzero[v]).is_zero()
+
+
+def _above(zero: Zero, polys: Sequence[Any], v: int) -> list[Zero]:
+    """The common roots of polynomials in variable v, the others being at a zero."""
+    over = fq_default_poly_ctx(zero.field)
+    common: Any = None
+    for f in polys:
+        parts = coefficients_by(f, (v,))
+        line = over([zero.value(parts.get((i,), 0 * f)) for i in range(int(f.degrees()[v]) + 1)])
+        common = line if common is None else common.gcd(line)
+    # a whole line of zeros
+    Undecided.refuse_if(common == 0)
+    if common.degree() == 0:
+        return []
+    common = common.radical()
+    if common.degree() == 1:
+        return [Zero(zero.field, {**zero.at, v: -common[0] * common[1].inverse()})]
+    return _extended(zero, common, v)
+
+
+def _extended(zero: Zero, common: Any, v: int) -> list[Zero]:
+    """Return roots that are not in a zero's field, in larger ones.
+
+    The sum w of the root and of a multiple of the field's generator generates both: w has the
+    irreducible factors of a resultant as its minimal polynomials, and the generator is a common
+    root of two polynomials over the field of w.
+    """
+    prime = int(zero.field.characteristic())
+    if zero.field.degree() == 1:
+        line = nmod_poly([_number(c) for c in common.coeffs()], prime)
+        out = []
+        for factor, _ in line.factor()[1]:
+            field, root = _field_of(factor)
+            out.append(Zero(field, {**{u: field(_number(x)) for u, x in zero.at.items()}, v: root}))
+        return out
+    plane = modular_context(("x", "w"), prime)
+    x, w = plane.gens()
+    modulus = [int(c) for c in zero.field.modulus().coeffs()]
+    terms = [[int(a) for a in c.to_list()] for c in common.coeffs()]
+    for multiple in range(1, 4 + 1):
+        y = w - multiple * x
+        below = sum((c * x**i for i, c in enumerate(modulus)), plane.constant(0))
+        above = plane.constant(0)
+        for row in reversed(terms):
+            above = above * y + sum((c * x**i for i, c in enumerate(row)), plane.constant(0))
+        minimal = nmod_poly(_line(below.resultant(above, "x"), 1), prime)
+        if minimal.gcd(minimal.derivative()).degree() > 0:
+            continue  # two roots give one sum
+        return [_with_sum(zero, f, v, modulus, terms, multiple) for f, _ in minimal.factor()[1]]
+    raise Undecided
+
+
+def _with_sum(
+    zero: Zero, factor: Any, v: int, modulus: list[int], terms: list[list[int]], multiple: int
+) -> Zero:
+    """A zero and the root above it, over the field that their weighted sum generates."""
+    field, w = _field_of(factor)
+    over = fq_default_poly_ctx(field)
+    y = over([w, field(-multiple)])
+    above = over.zero()
+    for row in reversed(terms):
+        above = above * y + over([field(c) for c in row])
+    shared = over([field(c) for c in modulus]).gcd(above)
+    Undecided.refuse_if(shared.degree() != 1)
+    generator = -shared[0] * shared[1].inverse()
+    at = {u: _moved(x, generator, field) for u, x in zero.at.items()}
+    return Zero(field, {**at, v: w - field(multiple) * generator})
+
+
+def _moved(value: Any, generator: Any, field: Any) -> Any:
+    """An element of a field, in a larger field in which its generator is known."""
+    total = field.zero()
+    for c in reversed(value.to_list()):
+        total = total * generator + field(int(c))
+    return total
+
+
+def _field_of(factor: Any) -> tuple[Any, Any]:
+    """The field that a root of an irreducible polynomial generates, and the root."""
+    prime = int(factor.modulus())
+    if factor.degree() == 1:
+        field = _field(prime)
+        return field, field(int(-factor[0] / factor[1]))
+    field = fq_default_ctx(
+        modulus=fmpz_mod_poly_ctx(prime)([int(c) for c in factor.coeffs()]),
+        fq_type="FQ_NMOD",
+        check_prime=False,
+        check_modulus=False,
+    )
+    return field, field([0, 1])
+
+
+@functools.cache
+def _field(prime: int) -> Any:
+    """The prime field itself."""
+    return fq_default_ctx(prime, 1, fq_type="FQ_NMOD", check_prime=False)
+
+
+def _number(value: Any) -> int:
+    """An element of the prime field, as an integer."""
+    line = value.to_list()
+    return int(line[0]) if line else 0
+
+
+def _line(poly: Any, v: int) -> list[int]:
+    """Coefficients of a polynomial in variable v alone, the constant first."""
+    coefficients = {int(m[v]): int(c) for m, c in terms_of(poly).items()}
+    return [coefficients.get(i, 0) for i in range(max(coefficients) + 1)]
+
+
+# Random slices ------------------------------------------------------------------------
+
 
 Powers = tuple[tuple[int, int], ...]
 """Variables and exponents of a term."""
@@ -115,7 +417,7 @@ class RandomSlice:
         a, b = self._turns[i]
         return [t] if self.residues.ring.prismatic[self.chosen[i]] else [a - b * t, b + a * t]
 
-    @cached_property
+    @functools.cached_property
     def circles(self) -> dict[int, Any]:
         """Forms x^2 + y^2 of the free revolute joints: zero only where no angle is meant."""
         return {

@@ -10,16 +10,18 @@ A prismatic joint has one variable, its value in metres.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, ClassVar
 
-from flint import Ordering, fmpq, fmpq_mpoly_ctx
+from flint import Ordering, fmpq, fmpq_mpoly_ctx, fmpz_mod_mpoly_ctx, nmod_mpoly_ctx
 
 from pinsing.algebra.budget import Budget
-from pinsing.robot.surd import Exact, Surd
+from pinsing.robot.nominal import PRIMES
+from pinsing.robot.surd import Exact, Surd, residue
 
 
 def terms_of(poly: Any) -> dict[Any, Any]:
@@ -370,3 +372,29 @@ def layout(prismatic: Sequence[bool], roots: Sequence[int] = ()) -> tuple[Any, .
 def make_ring(prismatic: Sequence[bool]) -> Ring:
     """Ring of a chain with these joints, over the rationals."""
     return Ring(*layout(prismatic))
+
+
+WORD_PRIME, SECOND_PRIME = PRIMES
+"""Both have roots of 2 and 3; what points modulo the first say is asked again modulo the second."""
+
+
+def image(poly: Poly, ring: Ring, prime: int) -> Any:
+    """A polynomial modulo a prime, in the joints' variables."""
+    if ring.rational:
+        inverse: dict[Any, int] = {}
+        terms = {}
+        for m, c in terms_of(poly).items():
+            if c.q not in inverse:
+                inverse[c.q] = pow(int(c.q), -1, prime)
+            terms[m] = int(c.p) * inverse[c.q] % prime
+    else:
+        terms = {m: residue(c, prime) for m, c in ring.terms(poly).items()}
+    names = tuple(ring.context.names()[: ring.nvars])
+    return modular_context(names, prime).from_dict({m: c for m, c in terms.items() if c})
+
+
+@functools.cache
+def modular_context(names: tuple[str, ...], prime: int) -> Any:
+    """Flint's ring of polynomials modulo a prime, lexicographic order."""
+    kind = nmod_mpoly_ctx if prime.bit_length() < 64 else fmpz_mod_mpoly_ctx
+    return kind.get(list(names), prime, Ordering.lex)

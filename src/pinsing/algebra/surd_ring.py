@@ -24,20 +24,21 @@ from flint import fmpz_mat
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.ring import (
+    WORD_PRIME,
     Monomial,
     Poly,
     Ring,
     Value,
     coefficients_by,
     fraction,
+    image,
     layout,
     make_ring,
     rational,
     terms_of,
     whole_terms,
 )
-from pinsing.algebra.zeros import WORD_PRIME, image, root_modulo
-from pinsing.robot.surd import SQUARES, Exact, Surd, parts_of, roots_of, surd
+from pinsing.robot.surd import SQUARES, Exact, Surd, parts_of, root_modulo, roots_of, surd
 
 _EXPONENTS = (276, 534, 2208, 2816)
 """3 * 2^k + 1 is prime for these k, and 2 and 3 are squares modulo it."""

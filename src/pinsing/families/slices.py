@@ -36,12 +36,11 @@ from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component, RandomSteps, merged, on_any, settled
 from pinsing.algebra.conditions import Branch
 from pinsing.algebra.decompose import Decomposition, Within
-from pinsing.algebra.generic_points import Residues, slice_points
+from pinsing.algebra.generic_points import Residues, Undecided, slice_points
 from pinsing.algebra.jacobian_matrix import jacobian_matrix
 from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.minors import NearMinors, NotSquare
 from pinsing.algebra.ring import Poly, Ring, Value
-from pinsing.algebra.zeros import Undecided
 from pinsing.families.modular_chain import (
     ModularChain,
     ModularRows,
