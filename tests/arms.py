@@ -1,7 +1,7 @@
 """Arms that the tests share, read by Pinocchio itself: no other part of pinsing is needed."""
 
 import functools
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
@@ -86,6 +86,12 @@ CATALOGUE = [
     ("baxter", "left_gripper_base_link"), ("icub", "l_gripper"), ("g1", "left_rubber_hand"),
 ]  # fmt: skip
 """Arms that come with pinsing and its data, with their tips where one has to be named."""
+
+
+def differences(f: Callable[[np.ndarray], Any], q: np.ndarray, step: float = 1e-6) -> np.ndarray:
+    """Derivative of f at q (..., n), along its own last axis, by central differences."""
+    each = step * np.eye(q.shape[-1])
+    return np.stack([(f(q + e) - f(q - e)) / (2 * step) for e in each], axis=-1)
 
 
 def draw(arm: Arm, rng: np.random.Generator, count: int) -> np.ndarray:

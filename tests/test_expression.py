@@ -5,6 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from arms import differences
 from printed import value_of
 from singular_sets import RIGHT, Array, arm_of, closed, terms
 from tiers import sampled, tiered
@@ -88,8 +89,7 @@ def test_gradient_is_the_difference_quotient(name: str) -> None:
     for e in equations(name):
         n = len(e.joints)
         q = rng.uniform(-3, 3, (5, n))
-        h = 1e-5
-        numeric = np.stack([(e(q + h * d) - e(q - h * d)) / (2 * h) for d in np.eye(n)], axis=-1)
+        numeric = differences(e, q, 1e-5)
         np.testing.assert_allclose(e.gradient(q), numeric, atol=1e-8 * e.size)
         idle = [j for j in range(n) if j not in e.involved]
         assert not e.gradient(q)[:, idle].any()
@@ -101,8 +101,7 @@ def test_gradient_with_sliders() -> None:
     poly = random_poly(ring, rng, [3, 2, 2], 12)
     e = equation(poly, ring, ("d1", "q2", "d3"), np.array([0.0, 0.4, 0.0]))
     q = rng.uniform(-2, 2, (2, 6, 3))
-    h = 1e-5
-    numeric = np.stack([(e(q + h * d) - e(q - h * d)) / (2 * h) for d in np.eye(3)], axis=-1)
+    numeric = differences(e, q, 1e-5)
     np.testing.assert_allclose(e.gradient(q), numeric, atol=1e-7 * np.abs(numeric).max())
     assert e(q).shape == (2, 6)
     assert e(q[0, 0]).shape == ()

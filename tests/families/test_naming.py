@@ -1,10 +1,10 @@
 """Wrist, elbow and shoulder: given where the geometry warrants it, and nowhere else."""
 
 import re
-from collections.abc import Callable
 
 import numpy as np
 import pytest
+from arms import differences
 from dh_arms import CRX, dh_arm
 from public import script
 
@@ -98,18 +98,13 @@ def test_lookup_and_json() -> None:
 @pytest.mark.parametrize("name", ["ur5", "stanford", "iiwa14"])
 def test_gradients(name: str) -> None:
     form = pinsing.closed_form(load(name), prove=False)
-    n = form.families[0].n
-    q = np.random.default_rng(1).uniform(-1.5, 1.5, n)
-
-    def slope(value: Callable[[np.ndarray], float], h: float) -> np.ndarray:
-        return np.array([value(q + e) - value(q - e) for e in h * np.eye(n)]) / (2 * h)
-
+    q = np.random.default_rng(1).uniform(-1.5, 1.5, form.families[0].n)
     for family in form:
-        wanted = slope(lambda x, f=family: f.distance(x).upper, 1e-2)
+        wanted = differences(lambda x, f=family: f.distance(x).upper, q, 1e-2)
         assert np.allclose(family.gradient(q), wanted, atol=2e-3)
         assert not family.gradient(family.generic).any()
     quick = pinsing.clearance(form, q)
-    wanted = slope(lambda x: float(pinsing.clearance(form, x).lower), 1e-4)
+    wanted = differences(lambda x: float(pinsing.clearance(form, x).lower), q, 1e-4)
     assert np.allclose(quick.gradient, wanted, atol=1e-6)
     sharp = pinsing.clearance(form, q, certify=True)
     assert np.allclose(sharp.gradient, form[str(sharp.nearest)].gradient(q), atol=1e-3)

@@ -3,6 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from arms import differences
 from mechanisms import (
     R1,
     R2,
@@ -87,12 +88,6 @@ def circles(c1, r1, c2, r2):
 
 
 # -- the model -----------------------------------------------------------------------------------
-
-
-def differences(f, q, step=1e-6):
-    """Columns of the derivative of f at q, by central differences."""
-    each = step * np.eye(len(q))
-    return np.stack([(f(q + e) - f(q - e)) / (2 * step) for e in each], axis=1)
 
 
 def test_constraint_jacobians_equal_finite_differences_of_the_closure(rng):
