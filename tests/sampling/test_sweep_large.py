@@ -62,11 +62,11 @@ def test_curves_by_number_are_those_of_the_plan(prune: bool) -> None:
         fixed = table.fixed_values(rows, k)
         assert rows.singular[k] == any(f <= set(fixed.items()) for f in known)
         assert rows.forced[k] == (fixed in plan.forced)
-    for fixed in plan.forced:
-        of_set = table.of_set(fixed)
+    for fixed, (row, of_set) in zip(plan.forced, table.forced(), strict=True):
+        assert {arm.joints[j]: row[j] for j in np.flatnonzero(~np.isnan(row))} == fixed
         assert all(fixed == table.fixed_values(table.rows([c]), 0) for c in of_set)
         assert len(of_set) == (4 - len(fixed) if len(fixed) in (1, 3) else 0)
-    assert rows.forced.sum() == sum(len(table.of_set(fixed)) for fixed in plan.forced)
+    assert rows.forced.sum() == sum(len(of_set) for _, of_set in table.forced())
 
 
 # ---- minima

@@ -381,7 +381,11 @@ def workspace(
     """
     whole_number(samples, "samples", 100, 5_000_000)
     figure = None if axes is not None else plt.figure(figsize=(9.0, 3.3), layout="constrained")
-    every = _given(axes) if figure is None else list(figure.subplots(1, 3))
+    every = list(np.ravel(axes if figure is None else figure.subplots(1, 3)))
+    OptionError.refuse_if(
+        len(every) != 3 or not all(isinstance(ax, Axes) for ax in every),
+        "axes must be three of matplotlib's, for the slices x-z, y-z and x-y",
+    )
     Q = arm.space.sample(samples, np.random.default_rng(2026))
     tips = tip_poses(arm, Q)[0]
     if forms is None and measure == "clearance":
@@ -426,16 +430,6 @@ def _best(points: Array, values: Array, low: Array, size: float) -> tuple[Array,
     ]
     np.maximum.at(grid, (cells[0], cells[1]), values)
     return np.where(np.isfinite(grid), grid, np.nan), edges
-
-
-def _given(axes: Any) -> list[Axes]:
-    every = list(axes.flat) if isinstance(axes, np.ndarray) else axes
-    listed = isinstance(every, list | tuple) and len(every) == 3
-    OptionError.refuse_if(
-        not listed or not all(isinstance(ax, Axes) for ax in every),
-        "axes must be three of matplotlib's, for the slices x-z, y-z and x-y",
-    )
-    return list(every)
 
 
 FINE = 241

@@ -117,9 +117,8 @@ def singular_configurations(
     points = _refined(exact, result, random_starts, until)
     sharp = points.ratio <= SINGULAR_RTOL
     collector = _Collector(arm, exact, result, tester, points.where(sharp))
-    table = CurveTable(plan)
-    for fixed in plan.forced:
-        collector.add(tester.condition(row_of(fixed, arm)), table.of_set(fixed))
+    for row, curves in CurveTable(plan).forced():
+        collector.add(tester.condition(row), curves)
     collector.explain(until)
     findings = collector.findings(until)
     blunt = points.where(~sharp & (points.ratio <= NEAR_RTOL))

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import functools
 import hashlib
 import json
 import os
@@ -61,14 +60,8 @@ class RunFolder:
             make_chunks(self.path)
         self.write_bytes(self.chunk_path(index), data)
 
-    def read(
-        # bytes that the arrays of a chunk take, unless the run says
-        self,
-        index: int,
-        check: Callable[[Record], None] | None = None,
-        room: int = 256 << 20,
-    ) -> Record:
-        """Return the record of a chunk; ``check`` raises DamagedError for what it must not hold."""
+    def read(self, index: int, room: int = 256 << 20) -> Record:
+        """Return the record of a chunk whose arrays take at most ``room`` bytes."""
         path = self.chunk_path(index)
         try:
             # Arrays that cannot be compressed grow by less than a thousandth.
@@ -77,10 +70,7 @@ class RunFolder:
             if isinstance(error, FileNotFoundError):
                 raise
             raise OutputError(f"cannot read {path}: {why(error)}") from None
-        record = unpack(data, self.digest, index, room)
-        if check is not None:
-            check(record)
-        return record
+        return unpack(data, self.digest, index, room)
 
     def kept(self) -> tuple[int, ...]:
         """Return the numbers of the chunks that have a file, damaged or not."""
@@ -135,14 +125,12 @@ def open_run(
     with _locked(root):
         folder = RunFolder(root, identity, chunks)
         known = recorded(root)
+        if known not in (None, identity):
+            raise OutputError(f"{root} holds another run: {_difference(known, identity)}")
+        make_chunks(root)
         if known is None:
-            make_chunks(root)
             plan = {"schema": _SCHEMA, "identity": folder.identity, "sha256": folder.digest}
             folder.write_bytes(root / _PLAN, (json.dumps(plan, indent=2) + "\n").encode())
-        elif known != identity:
-            raise OutputError(f"{root} holds another run: {_difference(known, identity)}")
-        else:
-            make_chunks(root)
         _tidy(folder)
         yield folder
 
@@ -491,16 +479,16 @@ class Run:
 
     def _kept(self) -> Iterator[tuple[int, Record]]:
         """Chunks that the folder has; those that are damaged are told of at the end."""
-        damaged = []
-        kept = () if self.folder is None else self.folder.kept()
+        if self.folder is None:
+            return
+        kept, damaged = self.folder.kept(), []
         for index in kept:
             if self.inbox.asked:
                 self.inbox.heeded = True
                 raise KeyboardInterrupt
-            assert self.folder is not None
             try:
-                check = functools.partial(self.job.check, index)
-                record = self.folder.read(index, check, self.job.room(index))
+                record = self.folder.read(index, self.job.room(index))
+                self.job.check(index, record)
             except FileNotFoundError:
                 damaged.append(f"{index} (it has gone)")
             except DamagedError as error:

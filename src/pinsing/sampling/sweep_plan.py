@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -521,13 +521,11 @@ class CurveTable:
         self._swept = np.array(plan.swept, dtype=np.int64)
         # Curves of one level: number of the first, how many for every set, and the level.
         self._blocks: list[tuple[int, int, PlannedLevel]] = []
-        first = len(self._alone)
+        self._length = len(self._alone)
         for level in plan.levels:
-            if level.swept:
-                each = len(self._swept) - level.level
-                self._blocks.append((first, each, level))
-                first += each * len(level.values)
-        self._length = first
+            each = len(self._swept) - level.level if level.swept else 0
+            self._blocks.append((self._length, each, level))
+            self._length += each * len(level.values)
         self.ranges = np.array([effect.range for effect in plan.effects], dtype=float)
 
     def __len__(self) -> int:
@@ -563,19 +561,15 @@ class CurveTable:
         names = self.plan.arm.joints
         return {names[j]: float(rows.base[k, j]) for j in np.flatnonzero(rows.fixed[k])}
 
-    def of_set(self, fixed: Mapping[str, float]) -> range:
-        """Numbers of the curves of one set of special values; empty if it has none."""
-        names = self.plan.arm.joints
-        values = {names.index(name): value for name, value in fixed.items()}
-        joints = sorted(values)
+    def forced(self) -> Iterator[tuple[Array, range]]:
+        """Minimal sets that are singular whatever the others, and the numbers of their curves."""
+        # As rows (n,), NaN where a joint is free.
         for first, each, level in self._blocks:
-            if level.level == len(joints):
-                same = (level.joints == joints).all(axis=1)
-                same &= (level.values == [values[j] for j in joints]).all(axis=1)
-                for place in np.flatnonzero(same).tolist():
-                    begin = first + place * each
-                    return range(begin, begin + each)
-        return range(0)
+            for place in np.flatnonzero(level.forced).tolist():
+                row = np.full(len(self.plan.nominal), np.nan)
+                row[level.joints[place]] = level.values[place]
+                begin = first + place * each
+                yield row, range(begin, begin + each)
 
     def configurations(self, curves: ArrayLike, samples: ArrayLike) -> Array:
         """Joint vectors (P, n) of samples (P,) of curves (P,)."""
@@ -594,10 +588,8 @@ class CurveTable:
     def _singular(self, base: Array, fixed: Bool) -> Bool:
         """Return which rows contain a set that is singular whatever the others."""
         found = np.zeros(len(base), dtype=bool)
-        for level in self.plan.levels:
-            for place in np.flatnonzero(level.forced).tolist():
-                joints = level.joints[place]
-                found |= (fixed[:, joints] & (base[:, joints] == level.values[place])).all(axis=1)
+        for row, _ in self.forced():
+            found |= (np.isnan(row) | (fixed & (base == row))).all(axis=1)
         return found
 
 

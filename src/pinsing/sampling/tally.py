@@ -449,23 +449,14 @@ class WorstPoint:
 
 def distributions(tally: Tally, locate: Locate) -> tuple[Distribution, Distribution]:
     """Distributions of sigma_r and of sigma_r / sigma_1, of a tally that has seen something."""
-    edges = bin_edges()
-
-    def extreme(k: int, column: int) -> Extreme:
-        index = int(tally.index[k, column])
-        return Extreme(float(tally.value[k, column]), index, locate(index))
-
-    def one(k: int) -> Distribution:
-        bins = np.flatnonzero(tally.histogram[k])
-        return Distribution(
-            smallest=extreme(k, SMALLEST),
-            largest=extreme(k, LARGEST),
-            lower=edges[bins],
-            upper=edges[bins + 1],
-            counts=tally.histogram[k][bins],
-        )
-
-    return one(0), one(1)
+    edges, out = bin_edges(), []
+    for value, index, counts in zip(tally.value, tally.index, tally.histogram, strict=True):
+        places = zip(value.tolist(), index.tolist(), strict=True)
+        smallest, largest = (Extreme(v, i, locate(i)) for v, i in places)
+        bins = np.flatnonzero(counts)
+        found = Distribution(smallest, largest, edges[bins], edges[bins + 1], counts[bins])
+        out.append(found)
+    return out[0], out[1]
 
 
 def worst_points(tally: Tally, locate: Locate) -> tuple[WorstPoint, ...]:
