@@ -549,7 +549,7 @@ def line_postures(
             line = check_line(arm, start, pose, forms=form)
         except ConfigurationError:
             continue
-        turned = _turned(arm, line.q)
+        turned = arm.space.turns_within(line.q)
         inside = not arm.space.outside(line.q + turned).any()
         if itself and not (inside and turned.any()):
             continue
@@ -566,11 +566,3 @@ def line_postures(
         )
     out.sort(key=lambda p: (p.outcome != "reached", not p.within_limits, -p.clearance, -p.s_end))
     return tuple(out)
-
-
-def _turned(arm: Arm, Q: Array) -> Array:
-    """Whole turns (n,), as few as possible, that bring each joint of Q (N, n) into its limits."""
-    fewest = np.ceil((arm.lower - 1e-9 - Q.min(axis=0)) / (2 * math.pi))
-    most = np.floor((arm.upper + 1e-9 - Q.max(axis=0)) / (2 * math.pi))
-    usable = ~arm.prismatic & (fewest <= most)
-    return np.where(usable, np.clip(0.0, fewest, most), 0.0) * 2 * math.pi

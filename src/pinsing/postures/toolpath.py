@@ -1207,7 +1207,7 @@ class _Planner:
         out: Bool = np.ones(len(q), dtype=bool)
         edge = np.arange(len(q))
         for _ in range(_HALVED):
-            left = ends[0] + ends[1] <= np.linalg.norm(move * self.scale, axis=1)
+            left = ends[0] + ends[1] <= self._size(move)
             out[edge[left & (np.minimum(*ends) <= 0)]] = False
             left &= out[edge]
             if not left.any():
@@ -1216,7 +1216,7 @@ class _Planner:
             middle = quick(self.watched, q + move).lower
             edge, q, move = np.tile(edge, 2), np.concatenate([q, q + move]), np.tile(move, (2, 1))
             ends = np.concatenate([a, middle]), np.concatenate([middle, b])
-        out[edge[ends[0] + ends[1] <= np.linalg.norm(move * self.scale, axis=1)]] = False
+        out[edge[ends[0] + ends[1] <= self._size(move)]] = False
         return out
 
     def _farthest(self, k: int) -> Array:
@@ -1288,11 +1288,8 @@ class _Planner:
         if self.start is not None:
             return np.asarray(path + self.turn * np.rint((self.start - q[0]) / (2 * np.pi)))
         path[:, self.counted] += 2 * np.pi * self.turns[turns[0]]
-        for j in np.flatnonzero((self.turn > 0) & ~self.counted):
-            most = np.floor((self.arm.upper[j] - path[:, j].max()) / (2 * np.pi) + 1e-9)
-            least = np.ceil((self.arm.lower[j] - path[:, j].min()) / (2 * np.pi) - 1e-9)
-            path[:, j] += 2 * np.pi * min(max(least, 0.0), most)
-        return path
+        free = (self.turn > 0) & ~self.counted
+        return np.asarray(path + np.where(free, self.arm.space.turns_within(path), 0.0))
 
     # -- what others reach ------------------------------------------------------------------------
 
@@ -1306,40 +1303,38 @@ class _Planner:
         rows = np.zeros_like(self.seen)
         rows[range(len(i)), i] = ~self.seen[range(len(i)), i]
         self.likely[rows] = np.minimum(self.highest[rows], self._closest(self.Q[rows])[0])
-        at = np.flatnonzero(self.usable[0, i[0]] & first[i[0]])
-        out = np.full((len(at), len(self.T)), np.nan)
-        out[:, 0] = self.likely[0, i[0], at]
-        q = self.Q[0, i[0], at]
-        if self.start is not None:
-            q = q + self.turn * np.rint((self.start - q) / (2 * np.pi))
-        low = high = q
-        for k in range(1, len(self.T)):
-            gap = self._gap(self.Q[k, i[k]] - self.Q[k - 1, i[k - 1], at][:, None])
+        slots = [np.flatnonzero(self.usable[0, i[0]] & first[i[0]])]
+        for k in range(1, len(i)):  # the nearest ones
+            gap = self.Q[k, i[k]] - self.Q[k - 1, i[k - 1], slots[-1]][:, None]
             way = np.where(self.usable[k, i[k]], self._length(gap), np.inf)
-            near, rows = way.argmin(axis=1), np.arange(len(at))
-            move = gap[rows, near]
-            q = q + np.nan_to_num(move)
-            low, high = np.minimum(low, q), np.maximum(high, q)
-            ends = np.stack([self.arm.upper - high, low - self.arm.lower])
-            turns = np.floor(ends / (2 * np.pi) + 1e-9)
-            fits = (turns.sum(axis=0) if self.start is None else turns.min(axis=0)) >= 0
-            fits = (fits | self.bounded) & (np.abs(move * self.scale) <= self._farthest(k))
-            goes = fits.all(axis=1) & np.isfinite(out[:, k - 1] + way[rows, near])
-            clear = self.clear[k - 1, i[k - 1], at], self.clear[k, i[k], near]
-            long = goes & (way[rows, near] >= clear[0] + clear[1])
-            begin = self.Q[k - 1, i[k - 1], at[long]], move[long]
-            goes[long] = self._is_clear(*begin, *(x[long] for x in clear))
-            out[:, k] = np.where(goes, self.likely[k, i[k], near], np.nan)
-            at = near
+            slots.append(way.argmin(axis=1))
+        at = range(len(i)), i, np.stack(slots, axis=1)
+        q, clear = self.Q[at], self.clear[at]
+        move = self._gap(np.diff(q, axis=1))
+        path = np.concatenate([q[:, :1], q[:, :1] + np.cumsum(move, axis=1)], axis=1)
+        if self.start is not None:
+            path += self.turn * np.rint((self.start - q[:, :1]) / (2 * np.pi))
+        high, low = np.maximum.accumulate(path, axis=1), np.minimum.accumulate(path, axis=1)
+        ends = np.stack([self.arm.upper - high, low - self.arm.lower])[:, :, 1:]
+        turns = np.floor(ends / (2 * np.pi) + 1e-9)
+        fits = (turns.sum(axis=0) if self.start is None else turns.min(axis=0)) >= 0
+        farthest = np.array([self._farthest(k) for k in range(1, len(i))])
+        fits = (fits | self.bounded) & (np.abs(move * self.scale) <= farthest)
+        goes = np.logical_and.accumulate(fits.all(axis=2) & self.usable[at][:, 1:], axis=1)
+        long = goes & (self._size(move) >= clear[:, :-1] + clear[:, 1:])
+        ends_of = q[:, :-1][long], move[long], clear[:, :-1][long], clear[:, 1:][long]
+        goes[long] = self._is_clear(*ends_of)
+        goes = np.logical_and.accumulate(goes, axis=1)
+        out: Array = self.likely[at]
+        out[:, 1:][~goes] = np.nan
         return out
 
     def _roll_moves_the_last_joint(self) -> bool:
         """Return True if all nodes of the first pose differ in the last joint alone."""
         Q = self.Q[0].reshape(-1, self.arm.n)
         Q = Q[np.isfinite(Q[:, 0])]
-        others = Q[:, :-1]
         apart = np.abs(self.arm.space.wrap(Q[:, None] - Q[None, :1]))[..., :-1].max(axis=-1)
-        return len(others) > 0 and len(np.unique(np.round(apart, 6))) <= 16
+        return len(Q) > 0 and len(np.unique(np.round(apart, 6))) <= 16
 
     def _proven(self, q: Array) -> tuple[float, float]:
         """The least clearance along a path (N, n), between poses too, and at which pose it is."""
@@ -1348,11 +1343,8 @@ class _Planner:
             turned = self.arm.space.wrap(x)
             return clearance(self.form, turned, certify=True, gap=CLOSE).lower
 
-        def length(x: Array) -> Array:
-            return np.asarray(np.linalg.norm(x * self.scale, axis=1))
-
         lower = bounded(q)
-        return least_along(q, lower, float(lower.min()), length, bounded)
+        return least_along(q, lower, float(lower.min()), self._size, bounded)
 
 
 def _unturned(difference: Array, turn: Array) -> Array:

@@ -116,6 +116,17 @@ class JointSpace:
         """Return which values of q (..., n) are beyond a limit, whatever whole turns are added."""
         return self.outside(self.fold(q), slack)
 
+    def turns_within(self, Q: Array) -> Array:
+        """Return whole turns (n,), as few as bring each joint of a path Q (N, n) into its limits.
+
+        Radians; zero for joints that slide, and where no turns do.
+        """
+        turn = 2 * np.pi
+        fewest = np.ceil((self.lower - 1e-9 - Q.min(axis=0)) / turn)
+        most = np.floor((self.upper + 1e-9 - Q.max(axis=0)) / turn)
+        usable = ~self.prismatic & (fewest <= most)
+        return np.where(usable, np.clip(0.0, fewest, most), 0.0) * turn
+
     def range_words(self, j: int, degrees: bool = False) -> str:
         """Return the limits of joint j, such as ``-6.283 to 6.283 rad``."""
         turns = not self.prismatic[j]
