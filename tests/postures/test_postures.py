@@ -15,8 +15,7 @@ from pinsing.errors import ConfigurationError, OptionError, PinsingError, Unknow
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.newton import one_sheet, regular_way
 from pinsing.postures.boxes import Ground, on_boxes, slope, sum_of
-from pinsing.postures.joint_map import Divided, subdivide
-from pinsing.postures.partition import Wheel, partition
+from pinsing.postures.joint_map import Divided, Wheel, partition, subdivide
 from pinsing.proximity.watched import watch
 
 # Counts of the literature's method, on whole circles and within the limits.

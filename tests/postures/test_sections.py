@@ -13,8 +13,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.postures.boxes import Ground, is_regular, on_boxes, sum_of
-from pinsing.postures.joint_map import across, divided
-from pinsing.postures.partition import Arc, Part, Surface
+from pinsing.postures.joint_map import Arc, Part, Surface, across, divided
 
 
 def random_part(rng, d, low, high):
@@ -31,7 +30,7 @@ def random_part(rng, d, low, high):
     names = tuple(f"q{j + 1}" for j in range(d))
     zero = np.zeros(d)
     e = Equation(names, f, f * 0, sizes * np.cos(phase), sizes * np.sin(phase), zero)
-    arcs = tuple(Arc(j, float(low[j]), float(high[j])) for j in range(d))
+    arcs = tuple(Arc(float(low[j]), float(high[j])) for j in range(d))
     return Part(tuple(range(d)), tuple((a,) for a in arcs), (Surface("F1", e, True),)), arcs
 
 

@@ -22,8 +22,7 @@ from pinsing.families import ClosedForm
 from pinsing.kinematics.ladder import ladder_of, posture_names
 from pinsing.kinematics.newton import columns, regular_way
 from pinsing.measures import PRACTICAL, ROUNDING
-from pinsing.postures.joint_map import Map, Piece, make_map, require_same_families
-from pinsing.postures.partition import Part
+from pinsing.postures.joint_map import Map, Part, Piece, make_map, require_same_families
 from pinsing.proximity.clearance import quick
 from pinsing.proximity.crossings import check_times, crossings_of, motion_of
 from pinsing.proximity.trajectory import AspectChange

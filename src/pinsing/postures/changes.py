@@ -34,8 +34,7 @@ from pinsing.kinematics.verdict import generic_rank
 from pinsing.measures import ALIKE, ROUNDING
 from pinsing.postures.aspects import NOT_COMPLETE, aspects, map_of, missing, opposite
 from pinsing.postures.connection import DIFFERENT, SAME, UNDECIDED, Connection, connect
-from pinsing.postures.joint_map import Map, Piece
-from pinsing.postures.partition import Part
+from pinsing.postures.joint_map import Map, Part, Piece
 from pinsing.proximity.line import LinePosture, check_line
 from pinsing.proximity.watched import require_forms_of
 from pinsing.robot.arm import Arm, ArmSummary, summarize

@@ -29,8 +29,7 @@ from pinsing.postures.aspects import (
     proven_regular,
     sureness,
 )
-from pinsing.postures.joint_map import Map
-from pinsing.postures.partition import toward
+from pinsing.postures.joint_map import Map, toward
 from pinsing.proximity.clearance import quick
 from pinsing.proximity.passage import least_along
 from pinsing.proximity.watched import Forms
