@@ -1038,11 +1038,6 @@ class _Planner:
         part = np.full((*alive.shape, 3), -1)
         part[pose, at] = np.where(new[:, None], part[pose, at], slot[:, None])
         part[pose, at, third] = slot
-        out.beside = np.zeros((N, 2, most), dtype=np.int32)
-        for j, to in enumerate((-1, 1)):
-            other = part[pose, self.beside[pose, j, at], 1 - to]
-            other = np.where(other < 0, slot, other)
-            out.beside[pose, j, slot] = np.where(new & (side != to), slot + to, other)
         out.before = np.zeros((N, most), dtype=np.int32)
         out.edges = [np.empty((0, 0), dtype=np.int32)]
         start = np.searchsorted(pose, np.arange(N + 1))
