@@ -316,7 +316,7 @@ def test_joints_without_limits_make_as_many_turns_as_a_path_needs():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["ur5", "puma560", "z1", "aubo_i5"])
 def test_eaik_misses_nothing_that_ours_finds(name, monkeypatch):
-    monkeypatch.setattr(sys.modules["pinsing.kinematics.inverse"], "decomposed", lambda arm: None)
+    monkeypatch.setattr(sys.modules["pinsing.kinematics.inverse"], "decomposed", lambda *_: None)
     arm = pinsing.load(name)
     many = InverseMany(arm)
     assert many.exact
