@@ -19,7 +19,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -46,6 +46,7 @@ from pinsing.families.proof_forms import (
     roots_in,
     skeleton,
     squares,
+    top_of,
     vanishes,
 )
 from pinsing.proof.checker import MOST_WORK, Poly, Rejected, Ring, verify
@@ -114,6 +115,7 @@ class _Known:
 
     terms: dict[int, Poly]  # what each relation is multiplied by
     units: Poly  # what the minor is multiplied by: units and a number
+    depth: int  # over how many other minors: 0 for a multiple of one relation
 
 
 class _Minors:
@@ -142,7 +144,6 @@ class _Minors:
         for lines, minor in self.minors.items():
             if (multiple := self._multiple(minor)) is not None:
                 self.known[lines] = multiple
-        plain = len(self.known)
         while more := {
             lines: one
             for lines in [lines for lines in self.minors if lines not in self.known]
@@ -151,10 +152,10 @@ class _Minors:
             self.known |= more
         found: list[Sum] = []
         totals: list[Poly] = []
-        # Each is told by those before it.
-        for lines, known in itertools.islice(self.known.items(), plain, None):
+        for lines, known in sorted(self.known.items(), key=lambda item: item[1].depth):
             self.draft.require_time()
-            if any(self.ring.divides(p, self.minors[lines]) for p in totals):
+            minor = self.minors[lines]
+            if known.depth == 0 or any(self.ring.divides(p, minor) for p in totals):
                 continue
             total = self._written(known)
             found.append(total)
@@ -165,10 +166,10 @@ class _Minors:
     def _multiple(self, minor: Poly) -> _Known | None:
         """A minor that is a multiple of one relation, or zero."""
         if minor == 0:
-            return _Known({}, self.ring.one)
+            return _Known({}, self.ring.one, 0)
         for at, p in enumerate(self.family.relations):
             if self.ring.divides(p, minor):
-                return _Known({at: self.ring.reduced(divmod(minor, p)[0])}, self.ring.one)
+                return _Known({at: self.ring.reduced(divmod(minor, p)[0])}, self.ring.one, 0)
         return None
 
     def _sum(self, lines: Lines) -> _Known | None:
@@ -193,7 +194,8 @@ class _Minors:
         total = {at: c for at, c in total.items() if c != 0}
         units = self.ring.reduced(common * unit)
         *left, units = self.ring.stripped(*total.values(), units)
-        return _Known(dict(zip(total, left, strict=True)), units)
+        depth = 1 + max((known.depth for _, known, _ in terms), default=0)
+        return _Known(dict(zip(total, left, strict=True)), units, depth)
 
     def _relations(self, lines: Lines) -> Iterator[tuple[int, int, list[tuple[int, _Known, Poly]]]]:
         """Yield rows and columns by which a minor follows from known ones, with these and factors.
@@ -228,12 +230,20 @@ def sum_of(first: int, multiples: Mapping[int, Poly]) -> Sum:
     return [[form_text(c / number), first + k] for k, c in terms.items()]
 
 
-def soundness(draft: Draft, family: Place, codimension: int) -> dict[str, Any]:
-    """What a certificate says of why all minors vanish on a family; NotFound if that was not seen.
+@dataclass
+class Soundness:
+    """What a certificate says for a family: the minors that have the pivot's lines vanish there."""
 
-    Nothing where each minor is a multiple of one form; else a pivot, or sums of multiples of the
-    forms that the minors are multiples of.
-    """
+    # a minor that is zero on no component; without lines it is 1, and all minors are meant
+    pivot: Lines = ((), ())
+    # forms that are zero on no component: the minors may be multiplied by them
+    apart: list[Poly] = field(default_factory=list)
+    # sums of multiples of the family's forms that these minors are multiples of
+    multiples: list[Sum] = field(default_factory=list)
+
+
+def soundness(draft: Draft, family: Place, codimension: int) -> Soundness:
+    """Why all minors vanish on a family, of a codimension; NotFound if that was not seen."""
     minors, at = dict[Lines, Poly](), draft.at(family.values)
     place = (family.values, family.relations)
     plain: set[Lines] = set()
@@ -243,22 +253,55 @@ def soundness(draft: Draft, family: Place, codimension: int) -> dict[str, Any]:
         if draft.ring.vanishes(minor, place):
             plain.add(lines)
     if len(plain) == len(minors):
-        return {}
+        return Soundness()
     # Only of as many forms as its codimension is a family known to have nothing smaller.
     exact = codimension == len(family.forms)
-    if exact and (pivot := _pivot(draft, family, plain)) is not None:
-        return {"pivot": [list(lines) for lines in pivot]}
+    tried: set[Lines] = set()
+    pivot = _pivot(draft, family, plain, tried) if exact else None
+    if pivot is not None:
+        return Soundness(pivot)
+    found = Soundness()
+    for lines, minor in sorted(minors.items(), key=lambda item: len(item[1])) if exact else ():
+        if lines not in plain and _by_division(draft, family, minor, found):
+            plain.add(lines)
+            if (pivot := _pivot(draft, family, plain, tried)) is not None:
+                found.pivot = pivot
+                return found
     multiples, totals = _Minors(draft, family, minors).sums()
     for minor in minors.values():
         draft.require_time()
-        if draft.ring.vanishes(minor, (family.values, [*family.relations, *totals])):
+        place = (family.values, [*family.relations, *totals])
+        if draft.ring.vanishes(minor, place):
             continue
         combined = combination(draft.ring, draft.ring.stripped(minor)[0], family.relations)
         if combined is None:
-            raise NotFound(f"{place_text(family)} is not shown to be singular")
+            break
         multiples.append(sum_of(len(family.values), dict(enumerate(combined))))
         totals += draft.ring.stripped(minor)
-    return {"multiples": multiples}
+    else:
+        return Soundness(multiples=multiples)
+    raise NotFound(f"{place_text(family)} is not shown to be singular")
+
+
+def _by_division(draft: Draft, family: Place, minor: Poly, found: Soundness) -> bool:
+    """Add a sum that a minor is a multiple of, but for what is zero on no component."""
+    ring = draft.ring
+    for f, _ in draft.factors(minor):
+        for tops, times, multiples in divisions(ring, f, family.relations):
+            if not _is_apart(draft, family, tops):
+                continue
+            found.multiples.append(sum_of(len(family.values), dict(enumerate(multiples))))
+            for factor, power in draft.factors(times):
+                found.apart += [factor] * (power - found.apart.count(factor))
+            return True
+    return False
+
+
+def _is_apart(draft: Draft, family: Place, form: Poly) -> bool:
+    """Return True if a form is seen to be zero on no component of a family."""
+    count = len(family.relations) + 1
+    forms = [*family.relations, *draft.ring.stripped(form)]
+    return draft.shown(lambda: draft.ring.codimension_at_least(count, forms), most=MOST_WORK)
 
 
 def _lines(draft: Draft, size: int) -> Iterable[Lines]:
@@ -267,11 +310,13 @@ def _lines(draft: Draft, size: int) -> Iterable[Lines]:
     return itertools.product(rows, columns)
 
 
-def _pivot(draft: Draft, family: Place, plain: set[Lines]) -> Lines | None:
+def _pivot(draft: Draft, family: Place, plain: set[Lines], tried: set[Lines]) -> Lines | None:
     """Return the shortest minor of one line less, zero on no component, that only plain ones have.
 
-    These vanish on the family.
+    Without lines where all are plain.
     """
+    if len(plain) == math.prod(math.comb(side, draft.rank) for side in draft.sides):
+        return (), ()
     found: list[tuple[int, Lines]] = []
     minor = draft.at(family.values)
     for lines in _lines(draft, draft.rank - 1):
@@ -280,23 +325,19 @@ def _pivot(draft: Draft, family: Place, plain: set[Lines]) -> Lines | None:
             [tuple(sorted((*part, k))) for k in range(count) if k not in part]
             for part, count in zip(lines, draft.sides, strict=True)
         )
-        if plain.issuperset(itertools.product(*wider)) and (form := minor(*lines)) != 0:
+        if lines in tried or not plain.issuperset(itertools.product(*wider)):
+            continue
+        if (form := minor(*lines)) != 0:
             found.append((len(draft.ring.stripped(form)[0]), lines))
     # Pivots that are tried, the shortest first, but for those that division shows to be zero there.
     for _, lines in sorted(found)[:12]:
+        tried.add(lines)
         form = minor(*lines)
         ways = divisions(draft.ring, form, family.relations)
         zero = any(_is_apart(draft, family, tops) for tops, _, _ in ways)
         if not zero and _is_apart(draft, family, form):
             return lines
     return None
-
-
-def _is_apart(draft: Draft, family: Place, form: Poly) -> bool:
-    """Return True if a form is seen to be zero on no component of a family."""
-    count = len(family.relations) + 1
-    forms = [*family.relations, *draft.ring.stripped(form)]
-    return draft.shown(lambda: draft.ring.codimension_at_least(count, forms), most=MOST_WORK)
 
 
 _MANY = 3
@@ -319,7 +360,7 @@ class Tree:
         self._fixed = [{*self.ring.where(family)[0]} for family in self.families]
         self._ids = MadeOfEqual()
         self._toward = {self._id(draft.tidy(p)) for family in self.families for p in family}
-        self._places: dict[tuple[bool, frozenset[int]], Place | NotFound] = {}
+        self._places: dict[tuple[bool, frozenset[int]], Place | NotFound | None] = {}
 
     def _id(self, form: Poly) -> int:
         """The same number for equal forms."""
@@ -334,13 +375,25 @@ class Tree:
         if empty(self.ring, place.relations):
             return None
         key = points, frozenset(map(self._id, place.forms))
-        if isinstance(failed := self._places.get(key), NotFound):
-            raise failed
+        if key in self._places:
+            known = self._places[key]
+            if known is None:
+                raise NotFound("a place leads to itself")
+            if isinstance(known, NotFound):
+                raise known
+            return known
         # One that is closed and has some of these forms only holds this one.
-        for known, other in self._places.items():
-            if isinstance(other, Place) and known[0] == points and known[1] <= key[1]:
-                return other
-        self._places[key] = NotFound("a place leads to itself")
+        wider = next(
+            (
+                other
+                for known, other in self._places.items()
+                if isinstance(other, Place) and known[0] == points and known[1] <= key[1]
+            ),
+            None,
+        )
+        if wider is not None:
+            return wider
+        self._places[key] = None
         try:
             self.draft.require_time()
             if self._progress is not None:
@@ -461,17 +514,20 @@ class Tree:
             # Product of terms of two relations whose resultant is looked at among many, and how
             # many of the simplest are tried.
             yield from self._plain_resultants(place)[:2]
-        minors = sorted(self._minors(place), key=self._effort)
+        minors = list(self._minors(place))
+        alone, minors = minors, [*minors, *self._without_a_turn(place, minors)]
+        minors.sort(key=self._effort)
         easy = [m for m in minors if self._effort(m)[0] == 0]
         yield from easy
         whole = self.draft.bound - len(values)
         if relations and whole <= len(relations):
             if not place.points and self.ring.codimension_at_least(whole, relations):
-                yield from self._at_points(place, minors)
+                yield from self._at_points(place, alone)
             # Terms of all relations beyond which they are not divided by each other.
             short = sum(map(len, relations)) <= 200
             if 1 < len(relations) <= _MANY + 1 and short:
                 yield from self._remainders(place)
+                yield from self._toward_families(place)
             if len(relations) <= _MANY:
                 yield from self._resultants(place)
         yield from (m for m in minors if m not in easy)
@@ -489,6 +545,26 @@ class Tree:
                 if poly != 0 and not any(self.ring.divides(p, poly) for p in place.relations):
                     source = {"minor": [list(rows), list(columns)]}
                     yield Split([(self.ring.one, source)], self.ring.stripped(poly)[0])
+
+    def _without_a_turn(self, place: Place, minors: list[Split]) -> Iterator[Split]:
+        """Yield, of minors g cos a and g sin a, the sum that is g but for units."""
+        # They are of the same columns. Where some axes are parallel, rows of what the other joints
+        # do turn with the frame.
+        ring, minor = self.ring, self.draft.at(place.values)
+        for first, second in itertools.combinations(minors, 2):
+            f, g = first.form, second.form
+            ((_, a),), ((_, b),) = first.sum, second.sum
+            if a["minor"][1] != b["minor"][1] or ring.squares or len(f) * len(g) > _LONG:
+                continue
+            common = f.gcd(g)
+            p, q = divmod(f, common)[0], divmod(g, common)[0]
+            (ones,) = ring.stripped(p * p + q * q)
+            if ring.joints(p) and not ring.joints(ones):
+                u, v = (
+                    divmod(minor(*map(tuple, source["minor"])), form)[0]
+                    for source, form in ((a, f), (b, g))
+                )
+                yield Split([(p * v, a), (q * u, b)], ring.times(ones, common))
 
     def _effort(self, split: Split) -> tuple[int, int]:
         """Return the terms of factors that lead to what is not wanted, and how many there are."""
@@ -560,15 +636,63 @@ class Tree:
             for a, r in enumerate(place.relations[:b]):
                 quotient, rest = divmod(p, r)
                 (rest,) = ring.stripped(ring.reduced(rest))
-                new = rest != 0 and quotient != 0
-                if new and (len(rest) < len(p) or len(self.draft.factors(rest)) > 1):
+                if rest != 0 and quotient != 0 and self.draft.is_simpler(rest, p):
                     yield Split([(ring.one, first + b), (ring.reduced(-quotient), first + a)], rest)
+
+    def _toward_families(self, place: Place) -> Iterator[Split]:
+        """A relation that is, but for a multiple of another one, that of a family times others."""
+        ring, relations = self.ring, place.relations
+        wanted = {
+            self._id(f): f
+            for family in self.families
+            for p in family
+            for f in ring.stripped(ring.put(p, place.values))
+            if f != 0 and ring.joints(f) and not ring.vanishes(f, ({}, relations))
+        }
+        for f in wanted.values():
+            for a, p in enumerate(relations):
+                for j in set(ring.joints(p)) & set(ring.joints(f)):
+                    if len(p) * len(f) <= _LONG and ring.degree(p, j) >= ring.degree(f, j):
+                        yield from self._as_sum(*self._divided(p, f, j), a, place)
+
+    def _as_sum(
+        self, times: Poly, product: Poly, rest: Poly, a: int, place: Place
+    ) -> Iterator[Split]:
+        if product == 0:
+            return
+        first = len(place.values)
+        for b, g in enumerate(place.relations):
+            if b == a or not self.ring.divides(g, rest):
+                continue
+            more = -self.ring.reduced(divmod(rest, g)[0])
+            if self.ring.reduced(more * g + rest) == 0:
+                terms = [(times, first + a)] + ([(more, first + b)] if more != 0 else [])
+                yield Split(terms, self.ring.stripped(product)[0])
+            return
+
+    def _divided(self, p: Poly, f: Poly, j: int) -> tuple[Poly, Poly, Poly]:
+        """Division of forms by y of a joint: times p = product + rest, product a multiple of f."""
+        y, low, lead = self.ring.pairs[j][1], self.ring.degree(f, j), top_of(self.ring, f, j)
+        times, product, rest = self.ring.one, self.ring.zero, p
+        if lead == 0:
+            return times, product, rest
+        for power in range(self.ring.degree(p, j), low - 1, -1):
+            terms = {m: c for m, c in rest.to_dict().items() if m[2 * j + 1] == power}
+            if not terms:
+                continue
+            more = divmod(self.ring.context.from_dict(terms), y**low)[0] * f
+            times = self.ring.reduced(times * lead)
+            product = self.ring.reduced(product * lead + more)
+            rest = self.ring.reduced(rest * lead - more)
+        return times, product, rest
 
 
 def certificate(
-    form: ClosedForm, budget: Budget, progress: Callable[[str], None]
+    form: ClosedForm, budget: Budget, progress: Callable[[str], None], in_parts: bool
 ) -> dict[str, Any]:
     """Return a certificate that the singular set is the union of families, or raise NotFound."""
+    # ``in_parts`` states each component as the union of simpler ones where its equations fall
+    # apart: that finds proofs where the equations as they are do not, and the other way round.
     if (geometry := form.geometry) is None:
         raise NotFound("the closed form was read from a file: without its exact polynomials")
     try:
@@ -588,20 +712,21 @@ def certificate(
             draft.require_time()
             forms = [draft.at_value(j, value) for j, value in c.values.items()]
             forms += [form_of(p, ring, draft.ring.context, roots) for p in c.relations]
-            family = draft.place_of(_without_implied(draft, draft.place_of(forms)))
-            # The search divided all minors by what it calls proven, or saw them vanish.
-            plain = c.proven and len(family.relations) < 2
-            data["families"].append(
-                {
-                    "name": name,
-                    "forms": [draft.number(f) for f in family.forms],
-                    "least_codimension": c.codimension,
-                    "pivot": [[], []],
-                    "apart": [],
-                    "multiples": [],
-                    **({} if plain else soundness(draft, family, c.codimension)),
-                }
-            )
+            forms = _without_implied(draft, draft.place_of(forms))
+            for part in draft.parts(forms) if in_parts else [draft.place_of(forms)]:
+                # The search divided all minors by what it calls proven, or saw them vanish.
+                plain = c.proven and len(part.relations) < 2
+                why = Soundness() if plain else soundness(draft, part, c.codimension)
+                data["families"].append(
+                    {
+                        "name": name,
+                        "forms": [draft.number(f) for f in part.forms],
+                        "least_codimension": c.codimension,
+                        "pivot": [list(lines) for lines in why.pivot],
+                        "apart": [draft.number(f) for f in why.apart],
+                        "multiples": why.multiples,
+                    }
+                )
         root = Tree(draft, progress).place([])
     except Rejected as reason:
         raise NotFound(str(reason)) from None
@@ -655,16 +780,19 @@ def _written(place: Place, draft: Draft, number: Mapping[int, int]) -> dict[str,
 
 def _ordered(root: Place | None) -> list[Place]:
     """Places so that each stands before those that it leads to."""
-    order: dict[int, Place] = {}
+    seen: set[int] = set()
+    order: list[Place] = []
 
     def visit(place: Place | None) -> None:
-        if place is not None and place.family is None and id(place) not in order:
-            for then in [*(then for _, _, then in place.cases), place.then]:
-                visit(then)
-            order[id(place)] = place
+        if place is None or id(place) in seen or place.family is not None:
+            return
+        seen.add(id(place))
+        for then in [*(then for _, _, then in place.cases), place.then]:
+            visit(then)
+        order.append(place)
 
     visit(root)
-    return list(order.values())[::-1]
+    return order[::-1]
 
 
 def text_of(data: Mapping[str, Any]) -> str:
@@ -731,33 +859,39 @@ def within(form: ClosedForm, budget: Budget, progress: Callable[[str], None] | N
 
 
 def _proof(form: ClosedForm, budget: Budget, progress: Callable[[str], None]) -> Proof:
-    """Return what becomes of the search."""
+    """Return what becomes of the search: first of families as stated, then of these in parts."""
     started = time.monotonic()
     reason, stopped = "", False
-    try:
-        data = certificate(form, budget, progress)
-        found = time.monotonic()
-        text = text_of(data)
-        verify(text)
-    except NotFound as problem:
-        reason, stopped = str(problem), budget.over
-    except Rejected as problem:
-        reason = f"the checker says: {problem}"
-    except BudgetExceeded:
-        stopped = True
-    except (OverflowError, RecursionError) as problem:
-        reason = f"the search for one was given up: {problem}"
-    else:
-        return Proof(
-            accepted=True,
-            reason="",
-            size=len(text),
-            places=len(data["places"]),
-            seconds=found - started,
-            check_seconds=time.monotonic() - found,
-            primes=(),
-            certificate=data,
-        )
+    for in_parts in (False, True):
+        if budget.over:
+            stopped = True
+            break
+        try:
+            # Half of the work for the first way, so that some is left for the second.
+            share = budget.part(1.0 if in_parts else 0.5)
+            data = certificate(form, share, progress, in_parts)
+            found = time.monotonic()
+            text = text_of(data)
+            verify(text)
+        except NotFound as problem:
+            reason, stopped = str(problem), stopped or share.over
+        except Rejected as problem:
+            reason = f"the checker says: {problem}"
+        except BudgetExceeded:
+            stopped = True
+        except (OverflowError, RecursionError) as problem:
+            reason = f"the search for one was given up: {problem}"
+        else:
+            return Proof(
+                accepted=True,
+                reason="",
+                size=len(text),
+                places=len(data["places"]),
+                seconds=found - started,
+                check_seconds=time.monotonic() - found,
+                primes=(),
+                certificate=data,
+            )
     if stopped:
         reason = f"none was found in the {budget.allowed} allowed"
     return _none(form, reason, stopped, time.monotonic() - started)

@@ -478,6 +478,32 @@ class Draft(Certificate):
             return self.algebra.monic(poly)
         return poly / content(poly)
 
+    def parts(self, forms: Sequence[Poly]) -> list[Place]:
+        """Return common zeros of forms as a union of simpler ones: reduced by each other, factored.
+
+        Where the longer of two relations is the sum of a multiple of the shorter one and a product,
+        each factor of that makes a part.
+        """
+        place = self.place_of(forms)
+        if empty(self.ring, place.relations):
+            return []
+        linear, relations = place.forms[: len(place.values)], place.relations
+        for k, p in enumerate(relations):
+            others = [*linear, *relations[:k], *relations[k + 1 :]]
+            for r in relations[:k]:
+                quotient, rest = divmod(p, r)
+                (rest,) = self.ring.stripped(self.ring.reduced(rest))
+                if quotient != 0 and self.is_simpler(rest, p):
+                    return self.parts([*others, rest])
+            factors = [f for f, _ in self.factors(p)]
+            if len(factors) > 1 or self.fixes(p):
+                return [part for f in factors for part in self.parts([*others, f])]
+        return [place]
+
+    def is_simpler(self, rest: Poly, p: Poly) -> bool:
+        """Return True if a remainder is zero, shorter than ``p``, or a product."""
+        return bool(rest == 0 or len(rest) < len(p) or len(self.factors(rest)) > 1)
+
     def fixes(self, f: Poly) -> bool:
         """Return True if a form puts one joint at a value."""
         joints = self.ring.joints(f)
