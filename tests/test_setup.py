@@ -29,9 +29,8 @@ def test_a_set_up_installs_once_and_again_where_the_sources_are_not_used(tmp_pat
     for name in ("scripts/setup", "pyproject.toml", "CMakeLists.txt"):
         (clone / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(ROOT / name, clone / name)
-    (clone / "src/pinsing/_batch").mkdir(parents=True)
-    for kind in ("cpp", "hpp", "inc"):
-        (clone / f"src/pinsing/_batch/kernel.{kind}").write_text("// none\n")
+    batch = "src/pinsing/_batch"
+    shutil.copytree(ROOT / batch, clone / batch, ignore=shutil.ignore_patterns("*.py*", "__*"))
     (clone / "src/pinsing/__init__.py").write_text("")
     venv.create(clone / ".venv", symlinks=True)
     (packages,) = (clone / ".venv/lib").glob("python*/site-packages")
