@@ -46,6 +46,13 @@ def test_all_closed() -> None:
 
 
 @pytest.mark.slow
+def test_a_reader_that_has_gone() -> None:
+    done = shell(COMMANDS["json"], "| true; exit ${PIPESTATUS[0]}")
+    assert done.returncode == 141
+    assert errors(done) == []
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", tiered(["2>&-", "2> /dev/full"], {"2>&-"}))
 def test_nobody_hears_the_messages(ending: str) -> None:
     done = shell(COMMANDS["at"], ending)

@@ -55,17 +55,27 @@ STARTS = (
     ["analyze", "panda"],
 )
 COUNT = 5_000
+
+
+def _named(package: Any, name: str) -> Any:
+    """A public function, wherever a version has it."""
+    homes = [package, *(getattr(package, m, None) for m in ("kinematics", "sampling"))]
+    return next(getattr(home, name) for home in homes if hasattr(home, name))
+
+
 SURVEY_STEP = 3
 SURVEY_JOINTS = 8
 SURVEY_SECONDS = 20.0
 """Every so many-th geometry of so many joints at most, as the survey tells them apart."""
 FUNCTIONS: dict[str, Callable[[Any, Any, Any], object]] = {
     "`at`, of one configuration": lambda p, arm, Q: p.at(arm, Q[0]),
-    f"`task_jacobians`, {COUNT:,}": lambda p, arm, Q: p.task_jacobians(arm, Q, threads=1),
-    "`refine_many`, 50": lambda p, arm, Q: p.refine_many(arm, Q[:50]),
-    "`sweep`, one joint at a time": lambda p, arm, Q: p.sweep(arm, levels=1),
-    "`sigma_map`, 10^6": lambda p, arm, Q: p.sigma_map(arm, count=10**6, threads=1),
-    "`sigma_map`, 10^6, every joint": lambda p, arm, Q: p.sigma_map(
+    f"`task_jacobians`, {COUNT:,}": lambda p, arm, Q: _named(p, "task_jacobians")(
+        arm, Q, threads=1
+    ),
+    "`refine_many`, 50": lambda p, arm, Q: _named(p, "refine_many")(arm, Q[:50]),
+    "`sweep`, one joint at a time": lambda p, arm, Q: _named(p, "sweep")(arm, levels=1),
+    "`sigma_map`, 10^6": lambda p, arm, Q: _named(p, "sigma_map")(arm, count=10**6, threads=1),
+    "`sigma_map`, 10^6, every joint": lambda p, arm, Q: _named(p, "sigma_map")(
         arm, count=10**6, joints=arm.joints, threads=1
     ),
 }

@@ -14,6 +14,7 @@ from pinsing.errors import OptionError
 from pinsing.loops import joint_forms
 from pinsing.loops.closure import random_closed
 from pinsing.loops.joint_loci import leg_proofs
+from pinsing.loops.legs import Rod
 from pinsing.proof.checker import Rejected, verify
 
 LEGS = {"planar_3rrr": 3, "planar_3rpr": 3, "gough_stewart": 6, "delta": 6, "rps3": 3,
@@ -78,3 +79,10 @@ def test_files_of_the_legs_are_checked_by_the_command(tmp_path):
     assert run("verify", *(tmp_path / f"c_leg{k}.cert.json" for k in (1, 2, 3))).exit_code == 0
     assert not target.exists()
     assert pinsing.load_mechanism(tree).n == 7
+
+
+def test_a_crank_whose_end_is_on_its_axis_reaches_no_other_length() -> None:
+    half = 0.5 * np.eye(3)
+    rod = Rod("crank", 0, np.zeros(3), np.zeros(3), first=half[0], second=half[1])
+    for end in (np.zeros(3), np.array([0, 0, 0.1])):
+        assert rod.solutions(end, True, 0.3) == rod.solutions(end, False, 0.3) == ()

@@ -1,5 +1,6 @@
 """The page computes of a mechanism what Python computes: measures, modes, words, ranges, paths."""
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -153,6 +154,7 @@ def test_what_is_shown_is_what_python_says(name: str) -> None:
         shown.add(state.kind)
         told = [*(m["words"] for m in frame["lost"]), *frame["given"]]
         assert WORDS.get((name, state.kind), "") in " ".join(told)
+        assert not any(re.search("[a-z][A-Z]", word) for word in told)  # a name of the program
         assert bool(frame["lost"]) == (state.kind in ("type 1", "type 3"))
         assert bool(frame["hot"]) == (state.kind not in ("regular", "constraint"))
         assert (frame["condition"] is None) == (state.kind != "regular")  # infinite

@@ -1,5 +1,6 @@
 """Suggested configurations: their clearance against a search of its own, odd arms, the command."""
 
+import dataclasses
 import json
 import re
 import shlex
@@ -136,6 +137,9 @@ def test_families_that_are_missing_are_said() -> None:
     assert not found.complete
     assert any("not complete" in n for n in found.notes)
     assert pinsing.at(arm, found.q).status == "regular"
+    # What is missing only makes clearances less: the bound from above holds.
+    known = dataclasses.replace(closed("ur5"), complete=False)
+    assert pinsing.suggest(arm_of("ur5"), forms=known, work=1.0).most < 1.6
     if not found.families:
         assert found.lower == 0.0
         assert "Clearance unknown" in str(found)

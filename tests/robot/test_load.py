@@ -13,6 +13,7 @@ from pinsing.errors import (
     ConfigurationError,
     JointError,
     RobotFileError,
+    UnknownNameError,
 )
 from pinsing.kinematics.jacobian import frame_jacobian, tip_placement
 from pinsing.robot.arm import Arm
@@ -123,6 +124,13 @@ def test_nothing_to_analyse():
     model = pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer())
     with pytest.raises(ChainError, match=r"4 chains.*--tip FL_foot \(3 joints\)"):
         load(model)
+
+
+def test_unknown_names_come_with_those_that_resemble_them():
+    with pytest.raises(UnknownNameError, match="wrist_1_link"):
+        load("ur5", base="wrist_1_lnk")
+    with pytest.raises(UnknownNameError, match="'elbow_joint'"):
+        load("ur5", joints=["elbow_jont"])
 
 
 def test_bases():

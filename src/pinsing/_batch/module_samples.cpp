@@ -9,6 +9,7 @@
 #include <cstring>
 #include <limits>
 #include <tuple>
+#include <type_traits>
 
 #include "module.hpp"
 
@@ -41,15 +42,28 @@ void put_words(const InWords& block, const InWords& heads, std::size_t place, co
     const std::int64_t* const column = columns.data();
     const std::uint64_t *word = block.data() + place * k, *head = heads.data();
     const double *from = low.data(), *wide = width.data();
+    bool in_order = true;
+    for (std::size_t j = 1; j < k; j++) in_order = in_order && column[j] == column[j - 1] + 1;
+    double* const out_end = out.data() + N * n;
     const nb::gil_scoped_release release;
-    for (double* row = out.data(); row != out.data() + N * n; row += n, word += k) {
-        if (place++ == B) place = 1, word = block.data(), head += k;
-        for (std::size_t j = 0; j < k; j++) {
-            const std::uint64_t digits = word[j] ^ head[j];
-            double one_more;
-            std::memcpy(&one_more, &digits, sizeof one_more);
-            row[column[j]] = (one_more - 1.0) * wide[j] + from[j];
+    // Where the size is a constant and columns are neighbours, a point is a few vectors.
+    const auto put = [&](auto size) {
+        for (double* row = out.data(); row != out_end; row += n, word += size) {
+            if (place++ == B) place = 1, word = block.data(), head += size;
+            double* const at = row + column[0];
+            for (std::size_t j = 0; j < size; j++) {
+                const std::uint64_t digits = word[j] ^ head[j];
+                double one_more;
+                std::memcpy(&one_more, &digits, sizeof one_more);
+                (in_order ? at[j] : row[column[j]]) = (one_more - 1.0) * wide[j] + from[j];
+            }
         }
+    };
+    switch (in_order ? k : 0) {
+        case 5: return put(std::integral_constant<std::size_t, 5>{});
+        case 6: return put(std::integral_constant<std::size_t, 6>{});
+        case 7: return put(std::integral_constant<std::size_t, 7>{});
+        default: return put(k);
     }
 }
 

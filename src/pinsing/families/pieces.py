@@ -255,12 +255,19 @@ class PieceMaker:
         held = sorted((self._value(j, v) for j, v in values.items()), key=lambda v: v.joint)
         return Branch(tuple(held), tuple(self.equation_of(p) for p in relations))
 
+    def away(self, q: Array, value: JointValue) -> Array:
+        """Return the distance (N,) of a joint from a value at q (N, n), without whole turns."""
+        off = q[:, value.joint] - value.value
+        if not self.ring.prismatic[value.joint]:
+            off = off - 2 * np.pi * np.round(off / (2 * np.pi))
+        return np.abs(off)
+
     def off(self, q: Array, values: Mapping[int, Value], relations: Sequence[Poly] = ()) -> Array:
-        """How far (N,) configurations are from joint values, or relations in equations' sizes."""
+        """How far (N,) configurations are from joint values and, in equations' sizes, relations."""
         branch = self.branch_of(values, relations)
-        parts = [np.zeros((len(q), 1)), branch.off(q, self.geometry.arm.space)]
-        parts += [residuals(branch.equations, q)] if branch.equations else []
-        return np.asarray(np.abs(np.concatenate(parts, axis=1)).max(axis=1))
+        parts = [np.zeros(len(q)), *(self.away(q, v) for v in branch.values)]
+        parts += list(np.abs(residuals(branch.equations, q)).T) if branch.equations else []
+        return np.asarray(np.max(parts, axis=0))
 
     def rounds(self, wanted: int = ROUNDS) -> int:
         """Batches of random starts that there is time for."""

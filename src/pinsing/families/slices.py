@@ -21,8 +21,7 @@ from __future__ import annotations
 
 import random
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import combinations
@@ -571,14 +570,20 @@ class SliceSearch:
 
     def _cut(self, c: Component) -> list[Component]:
         """A system with one equation more: each factor of a short minor that is not zero on it."""
-        time, found = self.time.part(_FOR_VALUES), list[list[Poly]]()
-        for minor in self._minors(c.values, time):
-            # Minors that are not zero on a system, among which the shortest cuts it.
-            if len(found) >= 3:
-                break
-            if not any(self.ring.divides(r, minor) for r in c.relations):
-                with suppress(BudgetExceeded):
+        time = self.time.part(_FOR_VALUES)
+        rank, n = len(self.task.rows), len(self.ring.prismatic)
+        minors = NearMinors(self.geometry, self.ring, self.task, rank, time)
+        found: list[list[Poly]] = []
+        try:
+            for some in sorted(combinations(range(n), rank), key=lambda s: s[-1] - s[0]):
+                # Minors that are not zero on a system, among which the shortest cuts it.
+                if len(found) >= 3:
+                    break
+                minor = minors.minor(some, c.values)
+                if minor != 0 and not any(self.ring.divides(r, minor) for r in c.relations):
                     found.append(self.ring.factors(minor, time))
+        except (BudgetExceeded, NotSquare):
+            pass
         shortest = min(found, key=lambda fs: max(map(len, fs), default=0), default=[])
         cuts = (Component(c.values, (*c.relations, f), False, c.codimension + 1) for f in shortest)
         return [settled(cut, self.ring) for cut in cuts]
@@ -611,28 +616,25 @@ class SliceSearch:
         found: dict[int, dict[Value, None]] = {
             j: dict.fromkeys([(none,)] if self.ring.prismatic[j] else turns) for j in range(n)
         }
-        time = self.time.part(_FOR_VALUES)
-        for minor in self._minors({}, time):
-            with suppress(BudgetExceeded):
-                time.check_factor(len(minor))
-                for f in self.ring.factors(minor):
-                    if (fixed := self.ring.joint_value(f)) is not None:
-                        found[fixed[0]][fixed[1]] = None
+        until = self.time.part(_FOR_VALUES)
+        rank = len(self.task.rows)
+        for some in sorted(combinations(range(n), rank), key=lambda c: c[-1] - c[0]):
+            if until.stop():
+                break
+            # Seconds that one of them may take.
+            one_of = until.at_most(0.2)
+            minors = NearMinors(self.geometry, self.ring, self.task, rank, one_of)
+            try:
+                minor = minors.minor(some, {})
+                one_of.check_factor(len(minor))
+                factors = self.ring.factors(minor) if minor != 0 else []
+            except (BudgetExceeded, NotSquare):
+                continue
+            for f in factors:
+                if (fixed := self.ring.joint_value(f)) is not None:
+                    found[fixed[0]][fixed[1]] = None
         self._special = {j: list(values) for j, values in found.items()}
         return self._special
-
-    def _minors(self, place: Mapping[int, Value], time: Budget) -> Iterator[Poly]:
-        """Minors at joint values that are not zero, those of near joints first, within a time."""
-        n, rank = len(self.ring.prismatic), len(self.task.rows)
-        for some in sorted(combinations(range(n), rank), key=lambda s: s[-1] - s[0]):
-            if time.stop():
-                return
-            # Seconds that one of them may take.
-            of_one = time.at_most(0.2)
-            minors = NearMinors(self.geometry, self.ring, self.task, rank, of_one)
-            with suppress(BudgetExceeded, NotSquare):
-                if (minor := minors.minor(some, place)) != 0:
-                    yield minor
 
     def _search(self, values: Mapping[int, Value]) -> None:
         """All components at a joint's value, or, if they are new, those that neighbours tell."""

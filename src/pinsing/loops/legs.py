@@ -109,9 +109,10 @@ class Rod:
             b, c = float(e @ second), (known + size) / 2
             most = float(np.hypot(along, b))
             NotThisKind.refuse_if(abs(most - abs(c)) <= ROUNDING)
-            middle = float(np.arctan2(b, along))
-            spread = float(np.arccos(np.clip(c / most, -1, 1)))
-            return () if most < abs(c) else (middle + spread, middle - spread)
+            if most < abs(c):
+                return ()
+            middle, spread = float(np.arctan2(b, along)), float(np.arccos(c / most))
+            return middle + spread, middle - spread
         # |e - q first| = length.
         middle = along / size
         left = middle**2 - known / size

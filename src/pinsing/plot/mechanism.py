@@ -361,7 +361,8 @@ def motion_curve(
     known = _coordinates(mechanism)
     names = ["yaw" if n in ("phi", "φ") else n for n in over or ()]
     OptionError.refuse_if(
-        over and (len(names) != 2 or names[0] == names[1] or not set(names) <= set(known)),
+        over is not None
+        and (len(names) != 2 or names[0] == names[1] or not set(names) <= set(known)),
         f"a curve of poses goes over two of {', '.join(known)}; got {', '.join(over or ())}",
     )
     names = names or [mechanism.inputs[0], COORDINATES[led_pose(mechanism)["rows"][0]]]

@@ -208,6 +208,7 @@ class Monitor:
         self._x, self._v, self._out = np.empty(watched.n), np.empty(watched.n), np.empty(4)
         titles = (f.title for f in watched.families)
         self._listed = (*zip(watched.names, titles, strict=True), ("", ""))
+        self._handle  # noqa: B018 (made here, not in a control loop's first update)
 
     @cached_property
     def _handle(self) -> Any | None:

@@ -423,7 +423,7 @@ def suggest(
         lower, upper, family = float(at.lower[0]), float(at.upper[0]), str(at.nearest[0])
         # Whether the box that was looked through holds all configurations, whole turns aside.
         endless = arm.prismatic & ~(np.isfinite(arm.lower) & np.isfinite(arm.upper))
-        if watched.complete and not (endless & watched.used.any(axis=0)).any():
+        if not (endless & (watched.used.any(axis=0) | (not watched.complete))).any():
             most = max(search.most, upper) + (0.0 if near is None else _margin(arm, reach))
         if target is not None:  # the clearance changes by no more than one moves
             there = certified(watched, target[None], SearchOptions(gap=1e-3))[0]

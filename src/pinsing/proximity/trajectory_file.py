@@ -935,7 +935,7 @@ class _NumberTable:
             row = line.split("#")[0]
             cells = [cell.strip() for cell in row.split(self.separator)]
             few = not used[-1] < len(cells) if some else len(cells) != self.width
-            odd = [] if few else [i for i in used if not is_number(cells[i])]
+            odd = [] if few else [i for i in used if "_" in cells[i] or not is_number(cells[i])]
             if few and row.strip():
                 return ConfigurationError(
                     f"{self.path}:{number}: {len(cells)} columns, and {self.width} in the first "

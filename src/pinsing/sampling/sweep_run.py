@@ -386,6 +386,7 @@ class SweepJob(Job):
             digest.update(level.values.tobytes() + level.forced.tobytes())
         digest.update(repr([(e.swept, e.reason) for e in plan.effects]).encode())
         return run_identity("sweep", self.batch) | {
+            "records": 2,  # of this form; those of another are no damaged ones
             "joints": list(plan.arm.joints),
             "nominal": plan.nominal.tolist(),
             "samples": plan.samples,

@@ -299,9 +299,13 @@ class Tab(ABC):
 
 def hand_over(tab: Tab, server: Server) -> None:
     """Let a server that was started ahead of a tab serve it."""
-    server.fill(
-        tab._page(live=True), *tab._drawn.parts(), tab._start, getattr(tab, "_dropped", None)
-    )
+    try:
+        server.fill(
+            tab._page(live=True), *tab._drawn.parts(), tab._start, getattr(tab, "_dropped", None)
+        )
+    except BaseException:
+        server.close()
+        raise
     tab._server = server
 
 

@@ -129,10 +129,10 @@ export function lostOf(data, at, direction) {
   }
   force = scaled(force, 1 / size);
   moment = scaled(moment, 1 / size);
-  if (norm(moment) <= SMALL) return { force, moment: [0, 0, 0], line: at, words: `${name} cannot move axisText ${axisText(force)}` };
+  if (norm(moment) <= SMALL) return { force, moment: [0, 0, 0], line: at, words: `${name} cannot move along ${axisText(force)}` };
   if (Math.abs(dot(force, moment)) > SMALL) return { force, moment, line: null, words: `a screw of ${name} about ${axisText(force)} is lost` };
   const line = add(at, cross(force, moment));
-  return { force, moment, line, words: `${name}'s link cannot move axisText the line through ${vector(line)} m in direction ${axisText(force)}` };
+  return { force, moment, line, words: `${name}'s link cannot move along the line through ${vector(line)} m in direction ${axisText(force)}` };
 }
 
 // Output motion with all actuators at rest: { velocity, turning, centre, words }, of the output frame.
@@ -143,7 +143,7 @@ export function looseOf(data, at, column) {
   if (rate <= SMALL * Math.max(norm(velocity), 1)) {
     const still = norm(velocity) <= SMALL, way = unit(velocity);
     return { velocity: still ? [0, 0, 0] : way, turning: [0, 0, 0], centre: null,
-             words: still ? `${name} stays, but the linkage moves ${locked}` : `${name} gives way axisText ${axisText(way)} ${locked}` };
+             words: still ? `${name} stays, but the linkage moves ${locked}` : `${name} gives way along ${axisText(way)} ${locked}` };
   }
   velocity = scaled(velocity, 1 / rate);
   turning = scaled(turning, 1 / rate);
@@ -167,4 +167,3 @@ function axisText(way) {
   const axis = [0, 1, 2].find((i) => d.every((v, j) => Math.abs(v - (i === j ? 1 : 0)) <= SMALL));
   return axis === undefined ? vector(d) : "xyz"[axis];
 }
-
