@@ -108,8 +108,7 @@ class Tally:
         """Count sigma_r (N,) and ratios (N,) from ``start`` on, or of ascending ``numbers``."""
         if not len(last):
             return
-        numbers = np.arange(start, start + len(last)) if numbers is None else numbers
-        both = np.stack([last, ratio])
+        both = (last, ratio)
         seen = [count_values(row, bins) for row, bins in zip(both, self.histogram, strict=True)]
         ends = np.array([[one.least, one.greatest] for one in seen])
         full = len(self.worst_ratio) == self.worst
@@ -117,8 +116,9 @@ class Tally:
         if len(rows) > self.worst:  # no sorting of what cannot be among them
             rows = rows[ratio[rows] <= np.partition(ratio[rows], self.worst - 1)[self.worst - 1]]
         counts = np.array([len(last), seen[1].low, seen[1].high - seen[1].low])
-        value = np.take_along_axis(both, ends, axis=1)
-        self._join(counts, value, numbers[ends], numbers[rows], last[rows], ratio[rows])
+        value = np.array([row[at] for row, at in zip(both, ends, strict=True)])
+        index, where = (at + start if numbers is None else numbers[at] for at in (ends, rows))
+        self._join(counts, value, index, where, last[rows], ratio[rows])
 
     def record(self) -> Record:
         """Everything as arrays, histograms without their empty bins."""
