@@ -21,9 +21,9 @@ import numpy as np
 import pinocchio as pin
 
 import pinsing
-from pinsing._types import Chain
 from pinsing.algebra.nearest import two_sided
 from pinsing.kinematics.jacobian import frame_jacobians
+from pinsing.measures import Chain
 from pinsing.proximity.watched import watch
 from pinsing.robot.chain import chain_model, flatten
 

@@ -6,7 +6,7 @@ from importlib.metadata import distribution
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Chain
+from pinsing.measures import Chain
 from pinsing.robot.models import axis_rotation, joint_axis
 
 ROBOTS = "cmeel.prefix/share/example-robot-data/robots"

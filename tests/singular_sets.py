@@ -14,7 +14,6 @@ import numpy as np
 import pinocchio as pin
 from arms import place, serial
 
-from pinsing._types import Array
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.jacobian_matrix import constants
@@ -22,6 +21,7 @@ from pinsing.algebra.surd_ring import ring_of
 from pinsing.families import ClosedForm, closed_form
 from pinsing.kinematics.jacobian import generic_rank, task_jacobians
 from pinsing.kinematics.refine import walk
+from pinsing.measures import Array
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal

@@ -7,7 +7,7 @@ from kernel import require_kernel
 from tiers import sampled
 
 from pinsing._batch import engine
-from pinsing._types import Chain
+from pinsing.measures import Chain
 
 require_kernel()
 

@@ -9,9 +9,9 @@ import time
 import numpy as np
 
 import pinsing
-from pinsing._types import Array, Bool
 from pinsing.kinematics.inverse import InverseMany
 from pinsing.kinematics.jacobian import tip_placement
+from pinsing.measures import Array, Bool
 
 
 def missed(arm: pinsing.Arm, found: Array, Q: Array) -> Bool:

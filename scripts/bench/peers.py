@@ -12,7 +12,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from pinsing._types import Chain
+from pinsing.measures import Chain
 
 MODULES = {
     "jax": "jax",

@@ -17,9 +17,9 @@ import numpy as np
 import pinocchio as pin
 
 import pinsing
-from pinsing._types import Array, Ints
 from pinsing.kinematics.inverse import InverseMany
 from pinsing.kinematics.jacobian import tip_placement
+from pinsing.measures import Array, Ints
 
 TORCH = pin.SE3(pin.utils.rotate("x", np.radians(45)), np.array([0.0, 0.05, 0.15])).homogeneous
 START = np.radians([20, -80, 95, -105, -12, 20])

@@ -21,8 +21,8 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike, Bool, NDArray
 from pinsing.errors import ArgumentError, ConfigurationError, OptionError
+from pinsing.measures import Array, ArrayLike, Bool, NDArray
 from pinsing.prose import unbroken
 
 F = TypeVar("F", bound=Callable[..., Any])

@@ -19,8 +19,8 @@ from typing import cast
 import numpy as np
 from numpy.lib import format as npy
 
-from pinsing._types import NDArray
 from pinsing.errors import Refusal
+from pinsing.measures import NDArray
 
 Record = dict[str, NDArray[np.generic]]
 

@@ -1,4 +1,4 @@
-"""Measures of Jacobians, and the tolerances that all of pinsing shares; knows no robot.
+"""Arrays, chains made of them, measures of Jacobians, and the tolerances that pinsing shares.
 
 The measures take NumPy arrays and give numbers. All of them work on stacks: J has shape
 (..., m, n), with rows in one unit (divide translation rows by a length scale first).
@@ -6,12 +6,31 @@ The measures take NumPy arrays and give numbers. All of them work on stacks: J h
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import Enum
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike as ArrayLike, NDArray as NDArray
 
-from pinsing._types import Array, ArrayLike, NDArray
+Array: TypeAlias = NDArray[np.float64]  # numbers, SI units
+Bool: TypeAlias = NDArray[np.bool_]
+Ints: TypeAlias = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Tip placement C_0 M_0(q_0) C_1 ... C_k; C_i is (R[i], t[i]), M_i turns about z or slides."""
+
+    R: Array  # (k + 1, 3, 3)
+    t: Array  # (k + 1, 3), metres
+    prismatic: Bool  # (k,)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.prismatic)
+
 
 SINGULAR_RTOL = 1e-9
 """sigma_r / sigma_1 at or below this is singular."""

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 
 from pinsing._package import Advised
-from pinsing._types import NDArray
 from pinsing.arguments import checked
 from pinsing.errors import PinsingError, ResultError
+from pinsing.measures import NDArray
 from pinsing.notebook import one_line, text as notebook_text
 from pinsing.prose import WIDTH
 

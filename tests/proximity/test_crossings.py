@@ -7,9 +7,9 @@ from singular_sets import closed
 from tiers import tiered
 
 import pinsing
-from pinsing._types import Array
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm, Family
+from pinsing.measures import Array
 from pinsing.proximity.crossings import crossings
 
 

@@ -18,10 +18,10 @@ from singular_sets import ROBOTS, arm_of, closed, sliding_equation
 from tiers import tiered, tiered_rows
 
 import pinsing
-from pinsing._types import Array
 from pinsing.algebra.nearest import two_sided
 from pinsing.errors import OptionError, PinsingError, UnknownNameError
 from pinsing.families import Branch, ClosedForm
+from pinsing.measures import Array
 from pinsing.proximity import guard as guard_module
 from pinsing.proximity.guard import make_guard
 from pinsing.proximity.watched import every_name, watch

@@ -8,8 +8,8 @@ import pytest
 from singular_sets import arm_of, closed
 
 import pinsing
-from pinsing._types import Array
 from pinsing.errors import ConfigurationError, OptionError
+from pinsing.measures import Array
 from pinsing.postures import line_postures
 from pinsing.proximity.line import LineCheck, check_line
 from pinsing.robot.arm import Arm

@@ -13,10 +13,10 @@ from tiers import tiered
 
 import pinsing
 from pinsing._batch import engine
-from pinsing._types import Array
 from pinsing.algebra.conditions import contact_along
 from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
 from pinsing.families import Branch
+from pinsing.measures import Array
 
 QUICK = ["ur5", "panda", "stanford", "scara"]  # six and seven joints, a prismatic one, four
 LONG = ["puma560", "surgical7", "z1", "baxter"]

@@ -13,9 +13,9 @@ from singular_sets import arm_of, closed
 from tiers import tiered
 
 import pinsing
-from pinsing._types import Array
 from pinsing.cli.app import command
 from pinsing.errors import ConfigurationError, OptionError
+from pinsing.measures import Array
 from pinsing.proximity import trajectory
 from pinsing.proximity.trajectory import check_trajectory, details, summary
 from pinsing.proximity.trajectory_file import read_trajectory

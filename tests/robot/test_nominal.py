@@ -13,9 +13,9 @@ from hypothesis import given, strategies as st
 from tiers import sampled, tiered_rows
 from urdf_text import J, Y, urdf
 
-from pinsing._types import Chain
 from pinsing.kinematics.jacobian import frame_jacobian, frame_jacobians, tip_placement
 from pinsing.kinematics.verdict import generic_rank
+from pinsing.measures import Chain
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
 from pinsing.robot.load import load

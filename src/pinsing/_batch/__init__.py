@@ -1,5 +1,5 @@
 """The compiled batch kernel: many configurations in, Jacobians or singular values out.
 
-Pure data: it knows flattened chains (:class:`~pinsing._types.Chain`) and arrays, no
+Pure data: it knows flattened chains (:class:`~pinsing.measures.Chain`) and arrays, no
 robot library. The layer above checks it against Pinocchio before it is used.
 """

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pinsing._batch.built_from import why_stale
-from pinsing._types import Chain
+from pinsing.measures import Chain
 
 try:
     import pinsing._batch._kernel as _kernel

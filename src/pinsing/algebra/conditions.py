@@ -27,12 +27,11 @@ from typing import Any
 import numpy as np
 
 from pinsing._batch import engine
-from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.ring import Value
 from pinsing.algebra.trig_sum import COMBINED, TrigSum
 from pinsing.errors import OptionError
-from pinsing.measures import ROUNDING
+from pinsing.measures import ROUNDING, Array, Bool, Ints
 from pinsing.robot.joint_space import JointSpace
 
 NORMS = ("euclidean", "max")

@@ -26,8 +26,8 @@ from typing import Any
 import numpy as np
 from flint import Ordering, fmpz_mpoly_ctx
 
-from pinsing._types import Array, ArrayLike, Bool, Ints
 from pinsing.algebra.ring import Poly, Ring, terms_of, whole_terms
+from pinsing.measures import Array, ArrayLike, Bool, Ints
 from pinsing.robot.source import Memory
 from pinsing.robot.surd import SQUARES, Exact, exact_of, exact_text, parts_of, surd
 

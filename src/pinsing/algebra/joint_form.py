@@ -22,8 +22,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike
 from pinsing.algebra.equation import Equation, format_angle, joined, latex_symbol, moved, times
+from pinsing.measures import Array, ArrayLike
 from pinsing.prose import listed
 from pinsing.robot.surd import exact_of, parts_of
 

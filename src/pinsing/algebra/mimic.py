@@ -15,9 +15,8 @@ from fractions import Fraction
 
 import numpy as np
 
-from pinsing._types import Array
 from pinsing.errors import Refusal
-from pinsing.measures import NOISE
+from pinsing.measures import NOISE, Array
 from pinsing.robot.nominal import (
     FIFTEEN,
     Motion,

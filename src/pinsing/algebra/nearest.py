@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pinsing._batch import engine
-from pinsing._types import Array, Ints
 from pinsing.algebra.conditions import Conditions, WeightedBranch
 from pinsing.algebra.trig_sum import TINY, At, TrigSum, least_norm, off_values, to_zeros
 from pinsing.arguments import whole_number
 from pinsing.errors import OptionError
+from pinsing.measures import Array, Ints
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike
+from pinsing.measures import Array, ArrayLike
 
 TINY = 1e-300
 COMBINED = 12  # sums of a branch that are combined into one bound

@@ -32,10 +32,10 @@ from pinsing.errors import OptionError, PinsingError
 from pinsing.prose import Page
 
 if TYPE_CHECKING:
-    from pinsing._types import Array
     from pinsing.families import ClosedForm
     from pinsing.kinematics.at import State
     from pinsing.kinematics.lost_motion import LostMotion
+    from pinsing.measures import Array
     from pinsing.proximity.clearance import Distances, FamilyDistance
     from pinsing.robot.arm import Arm
 

@@ -38,8 +38,8 @@ from pinsing.cli.zones import zones_option
 from pinsing.errors import ConfigurationError, OptionError
 
 if TYPE_CHECKING:
-    from pinsing._types import Array
     from pinsing.families import ClosedForm
+    from pinsing.measures import Array
     from pinsing.postures.aspects import Aspects
     from pinsing.proximity.trajectory import TrajectoryCheck
     from pinsing.proximity.trajectory_file import TrajectoryFile

@@ -20,10 +20,10 @@ from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.prose import Page
 
 if TYPE_CHECKING:
-    from pinsing._types import Array
     from pinsing.families.solve import Prove
     from pinsing.loops import MechanismAnalysis
     from pinsing.loops.joint_loci import LegProof
+    from pinsing.measures import Array
     from pinsing.robot.mechanism import Mechanism
 
 _ARM_MAPS: dict[str, Any] = {

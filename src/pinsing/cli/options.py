@@ -63,7 +63,7 @@ def _beside(file: Path) -> Path:
 
 
 if TYPE_CHECKING:
-    from pinsing._types import Array
+    from pinsing.measures import Array
     from pinsing.robot.arm import Arm
 
     ParamType = click.ParamType[Any]

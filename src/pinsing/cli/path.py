@@ -33,7 +33,7 @@ from pinsing.cli.running import doing, waiting
 from pinsing.errors import OptionError
 
 if TYPE_CHECKING:
-    from pinsing._types import Array
+    from pinsing.measures import Array
 
 
 @command("path")

@@ -25,8 +25,8 @@ from pinsing.cli.output import off_screen, save_figure
 from pinsing.errors import OptionError
 
 if TYPE_CHECKING:
-    from pinsing._types import Array
     from pinsing.families import Family
+    from pinsing.measures import Array
     from pinsing.robot.arm import Arm
     from pinsing.robot.mechanism import Mechanism
 

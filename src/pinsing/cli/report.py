@@ -28,8 +28,8 @@ from pinsing.errors import OptionError
 from pinsing.prose import Page
 
 if TYPE_CHECKING:
-    from pinsing._types import Array
     from pinsing.families.solve import Prove
+    from pinsing.measures import Array
 
 PAGES = ("inside", "beside", "none")
 

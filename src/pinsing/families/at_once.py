@@ -12,11 +12,11 @@ from itertools import combinations, product
 
 import numpy as np
 
-from pinsing._types import Array
 from pinsing.algebra.conditions import Branch
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.joint_form import JointForm, enters_once, joint_form
 from pinsing.families.zero_set import MOST_ORDERED, Step, gradients, peeled
+from pinsing.measures import Array
 from pinsing.prose import listed
 
 LONG = 12

@@ -35,7 +35,6 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array, Bool
 from pinsing.algebra.conditions import Branch, Conditions
 from pinsing.algebra.equation import LATEX, PLAIN, Equation, latex_symbol
 from pinsing.algebra.nearest import two_sided
@@ -50,7 +49,7 @@ from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.lost_motion import STRUCTURE_TOL, JointAxes, arm_centres, generic_axes
 from pinsing.kinematics.refine import kinds_many
 from pinsing.kinematics.verdict import generic_rank, own_shares, ratios
-from pinsing.measures import ALIKE, SEED, Reachability
+from pinsing.measures import ALIKE, SEED, Array, Bool, Reachability
 from pinsing.prose import listed
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import Nominal

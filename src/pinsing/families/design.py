@@ -28,7 +28,6 @@ import numpy as np
 import pinocchio as pin
 from flint import Ordering, fmpq_mpoly_ctx
 
-from pinsing._types import Array, Chain
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component
 from pinsing.algebra.decompose import Decomposition
@@ -49,6 +48,7 @@ from pinsing.families.design_form import (
     DesignNames,
     text_of,
 )
+from pinsing.measures import Array, Chain
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.robot.models import axis_rotation

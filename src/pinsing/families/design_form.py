@@ -8,11 +8,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike
 from pinsing.algebra.equation import Equation, equation, format_angle
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, UnknownNameError
+from pinsing.measures import Array, ArrayLike
 from pinsing.serialization import JsonResult
 
 

@@ -14,7 +14,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from pinsing._types import Array
 from pinsing.algebra.components import Component
 from pinsing.algebra.conditions import Branch
 from pinsing.algebra.equation import equation
@@ -25,7 +24,7 @@ from pinsing.arguments import typed
 from pinsing.families.family import Family
 from pinsing.families.nearness import BLUNT, OwnPoints
 from pinsing.families.zero_set import SearchBox, thrown
-from pinsing.measures import ALIKE, FLOAT_NOISE
+from pinsing.measures import ALIKE, FLOAT_NOISE, Array
 from pinsing.robot.nominal import Nominal
 
 _ZERO = 1e-10

@@ -14,7 +14,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike, Bool
 from pinsing.algebra.components import Component
 from pinsing.algebra.conditions import Branch, Conditions
 from pinsing.algebra.equation import PLAIN, Equation, format_angle, latex_symbol
@@ -24,7 +23,7 @@ from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.families.at_once import LONG, AtOnce, SolvedFor, long_form, long_ones
 from pinsing.families.nearness import Distance, OwnPoints, near, nearest, own_drawn, own_nearest
 from pinsing.families.zero_set import ROUNDS, SearchBox, Stop, search
-from pinsing.measures import ROUNDING, Reachability
+from pinsing.measures import ROUNDING, Array, ArrayLike, Bool, Reachability
 from pinsing.notebook import formula, legend, marked, name, table, text
 from pinsing.prose import listed
 from pinsing.robot.arm import Arm

@@ -9,7 +9,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pinsing import notebook
-from pinsing._types import ArrayLike
 from pinsing.algebra.components import Component, RandomSteps
 from pinsing.arguments import checked, shown, stands_for, typed
 from pinsing.errors import ArgumentError, ConfigurationError, OptionError, UnknownNameError
@@ -27,7 +26,7 @@ from pinsing.families.family import (
 from pinsing.families.slices import SliceCount
 from pinsing.families.system import system_text
 from pinsing.families.tube import Tube
-from pinsing.measures import SINGULAR_RTOL
+from pinsing.measures import SINGULAR_RTOL, ArrayLike
 from pinsing.prose import PLAIN, Page, Span, caution, formula, good, measured, unbroken, visible
 from pinsing.robot.arm import Arm, ArmSummary
 from pinsing.robot.design import assumptions

@@ -36,7 +36,6 @@ from typing import TypeAlias
 import numpy as np
 from flint import nmod_mat, nmod_poly
 
-from pinsing._types import Array, Bool
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component, FoundComponents, inside
 from pinsing.algebra.conditions import Branch
@@ -48,6 +47,7 @@ from pinsing.families.pieces import PieceMaker
 from pinsing.families.zero_set import SearchBox, gradients, project
 from pinsing.kinematics.jacobian import task_jacobians
 from pinsing.kinematics.verdict import ratios
+from pinsing.measures import Array, Bool
 from pinsing.robot.nominal import PRIMES, Nominal
 from pinsing.robot.surd import residue
 from pinsing.robot.task import Task

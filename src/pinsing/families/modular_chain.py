@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from flint import nmod_mat
 
-from pinsing._types import Bool, Ints, NDArray
 from pinsing.algebra.components import SECOND_SEED, Component
 from pinsing.algebra.jacobian_matrix import in_axes
 from pinsing.algebra.ring import Poly, Ring, Value
+from pinsing.measures import Bool, Ints, NDArray
 from pinsing.robot.nominal import PRIMES, Nominal, jacobian_modulo
 from pinsing.robot.surd import parts_of, residue
 from pinsing.robot.task import Task

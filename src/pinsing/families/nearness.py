@@ -8,14 +8,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, Bool
 from pinsing.algebra.conditions import Branch, Conditions
 from pinsing.algebra.nearest import SearchOptions, nearest_points
 from pinsing.families.zero_set import SearchBox, Stop, project, thrown
 from pinsing.kinematics.batch import own_scale
 from pinsing.kinematics.jacobian import own_jacobians_and_derivatives
 from pinsing.kinematics.verdict import ratios
-from pinsing.measures import NOISE, ROUNDING
+from pinsing.measures import NOISE, ROUNDING, Array, Bool
 from pinsing.robot.arm import Arm
 from pinsing.robot.joint_space import JointSpace
 from pinsing.serialization import JsonResult

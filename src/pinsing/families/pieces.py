@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinsing._types import Array
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component
 from pinsing.algebra.conditions import Branch, JointValue
@@ -35,6 +34,7 @@ from pinsing.families.zero_set import (
     search,
     thrown,
 )
+from pinsing.measures import Array
 from pinsing.robot.nominal import Nominal
 
 

@@ -30,7 +30,6 @@ from typing import TypeVar
 import numpy as np
 from flint import fmpz
 
-from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component, RandomSteps, merged, on_any, settled
 from pinsing.algebra.conditions import Branch
@@ -53,6 +52,7 @@ from pinsing.families.nearness import BLUNT, OwnPoints
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.proof_forms import roots_in
 from pinsing.families.zero_set import SearchBox
+from pinsing.measures import Array, Bool, Ints
 from pinsing.robot.nominal import Nominal
 from pinsing.robot.surd import root_modulo
 from pinsing.robot.task import Task

@@ -31,7 +31,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from pinsing._types import NDArray
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component, RandomSteps, merged, together
 from pinsing.algebra.decompose import Decomposition
@@ -42,6 +41,7 @@ from pinsing.families.long_chain import LongChain, gaps
 from pinsing.families.nearness import OwnPoints
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.slices import RandomSingular, SliceCount, SliceSearch
+from pinsing.measures import NDArray
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import IDENTITY, Nominal
 from pinsing.robot.task import Task

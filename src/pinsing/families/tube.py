@@ -33,14 +33,13 @@ from typing import TypeAlias
 import numpy as np
 
 from pinsing._batch import engine
-from pinsing._types import Array, Ints
 from pinsing.algebra.conditions import Branch, Margin, weighted_sum
 from pinsing.algebra.nearest import SearchOptions, nearest_points
 from pinsing.algebra.trig_sum import TINY, At, TrigSum, to_zeros
 from pinsing.families.family import Family
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.refine import approach
-from pinsing.measures import ROUNDING
+from pinsing.measures import ROUNDING, Array, Ints
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
 from pinsing.robot.design import AxisDifference, differences

@@ -15,10 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinsing._types import Array, Bool
 from pinsing.algebra.conditions import Branch
 from pinsing.algebra.equation import Equation
-from pinsing.measures import FLOAT_NOISE, ROUNDING
+from pinsing.measures import FLOAT_NOISE, ROUNDING, Array, Bool
 
 
 @dataclass(frozen=True, eq=False)

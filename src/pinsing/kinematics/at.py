@@ -11,7 +11,6 @@ from typing import ClassVar
 import numpy as np
 
 from pinsing import measures, notebook
-from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked
 from pinsing.kinematics.batch import in_base, own_scale
 from pinsing.kinematics.jacobian import generic_task, scale_rows, tip_and_jacobian
@@ -40,7 +39,7 @@ from pinsing.kinematics.verdict import (
     scale_notes,
     status_of,
 )
-from pinsing.measures import PRACTICAL
+from pinsing.measures import PRACTICAL, Array, ArrayLike
 from pinsing.prose import PLAIN, Page, Span, listed, measured, unbroken, verdict
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.nominal import nominal

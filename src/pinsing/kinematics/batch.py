@@ -18,9 +18,8 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._batch import engine as kernel
-from pinsing._types import Array, Chain
 from pinsing.errors import EngineError, OptionError
-from pinsing.measures import NOISE, ROUNDING, SEED
+from pinsing.measures import NOISE, ROUNDING, SEED, Array, Chain
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
 from pinsing.robot.source import kept

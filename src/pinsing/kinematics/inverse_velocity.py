@@ -12,10 +12,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike, Ints
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.measures import NOISE
+from pinsing.measures import NOISE, Array, ArrayLike, Ints
 from pinsing.serialization import JsonResult
 
 METHODS = ("pinv", "dls", "filter", "sdls", "jparse")

@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError
 from pinsing.kinematics.batch import (
@@ -24,6 +23,7 @@ from pinsing.kinematics.batch import (
     turned_slopes,
 )
 from pinsing.kinematics.verdict import generic_rank as generic_rank
+from pinsing.measures import Array, ArrayLike
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
 from pinsing.robot.nominal import nominal

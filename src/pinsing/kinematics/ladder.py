@@ -82,9 +82,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from pinsing._types import Array, Chain, NDArray
 from pinsing.kinematics.batch import joint_frames
-from pinsing.measures import ROUNDING
+from pinsing.measures import ROUNDING, Array, Chain, NDArray
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import Nominal, exact_generic_rank
 from pinsing.robot.surd import Exact

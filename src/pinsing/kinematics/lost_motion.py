@@ -17,11 +17,10 @@ from itertools import chain, combinations
 import numpy as np
 
 from pinsing._batch import engine as kernel
-from pinsing._types import Array, Bool, NDArray
 from pinsing.kinematics.batch import own_scale, random_turns
 from pinsing.kinematics.jacobian import frame_jacobians, generic_task
 from pinsing.kinematics.verdict import SINGULAR_RTOL, generic_rank, zero_of
-from pinsing.measures import PRACTICAL
+from pinsing.measures import PRACTICAL, Array, Bool, NDArray
 from pinsing.prose import listed
 from pinsing.robot.arm import Arm
 from pinsing.robot.source import kept

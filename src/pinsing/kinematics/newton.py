@@ -27,11 +27,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from pinsing._types import Array
 from pinsing.errors import OptionError
 from pinsing.kinematics.batch import joint_frames, picked, turn_left
 from pinsing.kinematics.verdict import generic_rank
-from pinsing.measures import FLOAT_NOISE, SOLVED
+from pinsing.measures import FLOAT_NOISE, SOLVED, Array
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
 from pinsing.robot.task import POSE, POSITION

@@ -9,7 +9,6 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from pinsing._batch import engine
-from pinsing._types import Array, ArrayLike, Bool, NDArray
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.kinematics.batch import PINOCCHIO, batch, own_scale, task_rows, turn_left
@@ -32,7 +31,7 @@ from pinsing.kinematics.verdict import (
     status_of,
     task_size,
 )
-from pinsing.measures import ALIKE, NOISE, SEED
+from pinsing.measures import ALIKE, NOISE, SEED, Array, ArrayLike, Bool, NDArray
 from pinsing.robot.arm import Arm
 from pinsing.serialization import JsonResult
 

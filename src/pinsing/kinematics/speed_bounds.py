@@ -21,12 +21,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinsing._batch import engine
-from pinsing._types import Array, Bool
 from pinsing.errors import EngineError, OptionError
 from pinsing.kinematics.batch import random_turns, tip_rotations
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.tip_speed import SpeedJudge
-from pinsing.measures import NOISE
+from pinsing.measures import NOISE, Array, Bool
 from pinsing.robot.chain import flatten
 
 _ROUNDS, _MORE_ROUNDS, _CLOSE = 2, 13, 0.9

@@ -17,13 +17,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike, Bool
 from pinsing.arguments import checked
 from pinsing.description.urdf import DEFAULT_EFFORT, DEFAULT_VELOCITY
 from pinsing.errors import OptionError
 from pinsing.kinematics.batch import own_scale, task_rows
 from pinsing.kinematics.jacobian import frame_jacobians, generic_task
 from pinsing.kinematics.verdict import SINGULAR_RTOL, generic_rank
+from pinsing.measures import Array, ArrayLike, Bool
 from pinsing.robot.arm import Arm
 
 TIP_SPEED, TURN_SPEED = 0.25, 0.5

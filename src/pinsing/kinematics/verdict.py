@@ -24,7 +24,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array, ArrayLike, Bool, Chain
 from pinsing._version import __version__
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
@@ -41,6 +40,10 @@ from pinsing.measures import (
     ALIKE,
     NEAR_RTOL as NEAR_RTOL,
     SINGULAR_RTOL as SINGULAR_RTOL,
+    Array,
+    ArrayLike,
+    Bool,
+    Chain,
     Status as Status,
     sigma_ratio,
     status_of as status_of,

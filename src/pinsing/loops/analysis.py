@@ -11,7 +11,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike
 from pinsing.algebra.budget import Stages
 from pinsing.arguments import checked, typed
 from pinsing.errors import OptionError
@@ -45,7 +44,7 @@ from pinsing.loops.solve import (
     working_modes,
 )
 from pinsing.loops.structure import output_pose, without_length
-from pinsing.measures import ROUNDING
+from pinsing.measures import ROUNDING, Array, ArrayLike
 from pinsing.prose import PLAIN, Page, Span, alarm, caution, formula, good, unbroken
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult

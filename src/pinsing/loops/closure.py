@@ -13,11 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array, ArrayLike, Bool, NDArray
 from pinsing.errors import OptionError, PinsingError
 from pinsing.kinematics.batch import least_turns, rotation_vectors
 from pinsing.loops.structure import Centre, idle_link, structure
-from pinsing.measures import SEED, SINGULAR_RTOL, SOLVED
+from pinsing.measures import SEED, SINGULAR_RTOL, SOLVED, Array, ArrayLike, Bool, NDArray
 from pinsing.robot.mechanism import Mechanism, closing, joint_axes, path_to
 from pinsing.robot.source import kept
 

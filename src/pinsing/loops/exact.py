@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array
 from pinsing.algebra.ring import Poly, Ring, rational
+from pinsing.measures import Array
 
 Vector = tuple[Fraction, Fraction, Fraction]
 

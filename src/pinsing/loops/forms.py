@@ -11,10 +11,9 @@ from typing import Any, ClassVar
 import numpy as np
 from flint import Ordering, fmpq_mpoly_ctx
 
-from pinsing._types import Array, ArrayLike, NDArray
 from pinsing.algebra.equation import Equation, signed_sum
 from pinsing.algebra.ring import Poly, Ring, coefficients_by, fraction, rational
-from pinsing.measures import ALIKE
+from pinsing.measures import ALIKE, Array, ArrayLike, NDArray
 from pinsing.serialization import JsonResult
 
 _ANGLE = ("cos φ", "sin φ")

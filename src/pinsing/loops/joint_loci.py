@@ -26,7 +26,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import Equation, equation
 from pinsing.algebra.minors import determinant
@@ -51,7 +50,7 @@ from pinsing.loops.structure import (
     structure,
     without_length,
 )
-from pinsing.measures import NOISE, ROUNDING
+from pinsing.measures import NOISE, ROUNDING, Array
 from pinsing.robot.mechanism import Mechanism, closing, path_to
 from pinsing.robot.source import kept
 

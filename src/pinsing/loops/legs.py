@@ -27,7 +27,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array, ArrayLike
 from pinsing.loops.motion import home
 from pinsing.loops.structure import (
     PLANE,
@@ -42,7 +41,7 @@ from pinsing.loops.structure import (
     room_of,
     structure,
 )
-from pinsing.measures import ROUNDING
+from pinsing.measures import ROUNDING, Array, ArrayLike
 from pinsing.robot.mechanism import Mechanism, Sample, path_to
 from pinsing.robot.source import kept
 

@@ -15,7 +15,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, Bool, NDArray
 from pinsing.arguments import MAX_STARTS, checked
 from pinsing.errors import OptionError
 from pinsing.loops.analysis import independent_inputs
@@ -33,7 +32,7 @@ from pinsing.loops.motion import (
     pose_table,
 )
 from pinsing.loops.structure import output_pose
-from pinsing.measures import NEAR_RTOL, ROUNDING, SINGULAR_RTOL
+from pinsing.measures import NEAR_RTOL, ROUNDING, SINGULAR_RTOL, Array, Bool, NDArray
 from pinsing.prose import PLAIN, Page
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult

@@ -29,7 +29,6 @@ import numpy as np
 import pinocchio as pin
 from flint import Ordering, fmpq_mpoly_ctx, fmpq_poly
 
-from pinsing._types import Array
 from pinsing.algebra.ring import Poly, divided_by, fraction, rational
 from pinsing.loops.exact import exact_points
 from pinsing.loops.forms import PoseEquation, pose_equation
@@ -46,7 +45,7 @@ from pinsing.loops.structure import (
     position_in,
     structure,
 )
-from pinsing.measures import ROUNDING, SEED
+from pinsing.measures import ROUNDING, SEED, Array
 from pinsing.robot.mechanism import Mechanism, Sample, closing, path_to
 from pinsing.robot.source import kept
 

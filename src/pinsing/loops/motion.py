@@ -36,7 +36,6 @@ from typing import Any, ClassVar
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array, ArrayLike, Bool, NDArray
 from pinsing.arguments import real_numbers
 from pinsing.errors import ConfigurationError
 from pinsing.kinematics.jacobian import read_pose as arm_pose
@@ -53,7 +52,18 @@ from pinsing.loops.closure import (
     ranks,
 )
 from pinsing.loops.structure import Leg, groups, likeness, output_pose, structure
-from pinsing.measures import ALIKE, NEAR_RTOL, ROUNDING, SEED, SINGULAR_RTOL, SOLVED
+from pinsing.measures import (
+    ALIKE,
+    NEAR_RTOL,
+    ROUNDING,
+    SEED,
+    SINGULAR_RTOL,
+    SOLVED,
+    Array,
+    ArrayLike,
+    Bool,
+    NDArray,
+)
 from pinsing.prose import Page, Table
 from pinsing.robot.mechanism import Mechanism, Sample, closing, joint_axes, path_to
 from pinsing.robot.source import kept

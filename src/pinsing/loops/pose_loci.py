@@ -26,7 +26,6 @@ from typing import Any
 
 import numpy as np
 
-from pinsing._types import Array
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.minors import determinant
 from pinsing.algebra.ring import Poly, coefficients_by, divided_by, make_ring, rational
@@ -57,7 +56,7 @@ from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.mode_counts import input_loci, length_name, point_legs
 from pinsing.loops.motion import home, pose_of
 from pinsing.loops.structure import PLANE, SPACE, SPHERE, in_room, output_pose, structure
-from pinsing.measures import ROUNDING
+from pinsing.measures import ROUNDING, Array
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.source import kept
 

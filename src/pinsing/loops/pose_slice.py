@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array, ArrayLike, Bool
 from pinsing.errors import OptionError
 from pinsing.loops.closure import BatchLoops, newton
 from pinsing.loops.joint_loci import joint_forms
 from pinsing.loops.motion import COORDINATES, home, led_pose
 from pinsing.loops.structure import extent, output_pose
-from pinsing.measures import ROUNDING
+from pinsing.measures import ROUNDING, Array, ArrayLike, Bool
 from pinsing.robot.mechanism import Mechanism
 
 

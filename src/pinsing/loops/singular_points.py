@@ -21,12 +21,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike, Bool
 from pinsing.errors import OptionError, PinsingError
 from pinsing.loops.closure import Loops, ranks, to_its_size
 from pinsing.loops.motion import _motions, mode_of
 from pinsing.loops.structure import likeness, same
-from pinsing.measures import ALIKE, ROUNDING, SINGULAR_RTOL, SOLVED
+from pinsing.measures import ALIKE, ROUNDING, SINGULAR_RTOL, SOLVED, Array, ArrayLike, Bool
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
 

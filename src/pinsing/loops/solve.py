@@ -13,7 +13,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike, Bool
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.loops.closure import BatchLoops, Loops, gauss_newton, ranks
@@ -36,7 +35,7 @@ from pinsing.loops.motion import (
 )
 from pinsing.loops.singular_points import StoppedError, Trace, refined, trace, turns
 from pinsing.loops.structure import groups, likeness, output_pose, structure
-from pinsing.measures import ALIKE, SEED, SOLVED
+from pinsing.measures import ALIKE, SEED, SOLVED, Array, ArrayLike, Bool
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
 

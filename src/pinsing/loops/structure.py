@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array
 from pinsing.errors import Refusal
 from pinsing.loops.exact import Turn, rational_turn, turn_to
-from pinsing.measures import ALIKE, ROUNDING, SEED
+from pinsing.measures import ALIKE, ROUNDING, SEED, Array
 from pinsing.robot.mechanism import (
     Loop,
     Mechanism,

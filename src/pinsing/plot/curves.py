@@ -10,12 +10,12 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked, real_numbers
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
 from pinsing.kinematics.refine import approach
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, measure
+from pinsing.measures import Array, ArrayLike
 from pinsing.plot.style import (
     COLORS,
     DASHES,

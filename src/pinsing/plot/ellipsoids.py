@@ -16,13 +16,12 @@ import numpy as np
 import pinocchio as pin
 from matplotlib import pyplot as plt
 
-from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.kinematics.at import REGULAR, State
 from pinsing.kinematics.lost_motion import LostMotion
 from pinsing.kinematics.verdict import SINGULAR_RTOL
-from pinsing.measures import PRACTICAL, Ellipsoid, pure_by_default, pure_ellipsoids
+from pinsing.measures import PRACTICAL, Array, Ellipsoid, pure_by_default, pure_ellipsoids
 from pinsing.plot.style import COLORS, COLUMN, SMALL, legend_below, legend_of_all, plain
 from pinsing.robot.arm import Arm
 from pinsing.robot.models import joint_axis

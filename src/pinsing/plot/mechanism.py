@@ -19,7 +19,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
-from pinsing._types import Array, ArrayLike, Bool, Ints, NDArray
 from pinsing.errors import OptionError
 from pinsing.loops.closure import BatchLoops, ranks
 from pinsing.loops.joint_loci import joint_forms
@@ -44,7 +43,7 @@ from pinsing.loops.solve import (
     working_modes,
 )
 from pinsing.loops.structure import groups, likeness, output_pose, plane_axes, same
-from pinsing.measures import ALIKE, ROUNDING
+from pinsing.measures import ALIKE, ROUNDING, Array, ArrayLike, Bool, Ints, NDArray
 from pinsing.plot.style import DASHES, pi_ticks, plain, unit
 from pinsing.postures.joint_map import connected
 from pinsing.prose import unbroken

@@ -12,7 +12,6 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 
-from pinsing._types import Array, ArrayLike, Bool, Ints
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import two_sided
 from pinsing.arguments import checked, real_numbers, whole_number
@@ -21,7 +20,7 @@ from pinsing.families import Branch, ClosedForm, Equation, Family, closed_form
 from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.jacobian import singular_values, tip_poses
 from pinsing.kinematics.verdict import ratios
-from pinsing.measures import ALIKE
+from pinsing.measures import ALIKE, Array, ArrayLike, Bool, Ints
 from pinsing.plot.style import (
     COLORS,
     DASHES,

@@ -20,11 +20,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
-from pinsing._types import Array, Ints
 from pinsing.arguments import checked, whole_number
 from pinsing.errors import OptionError
 from pinsing.kinematics.jacobian import tip_and_jacobian
 from pinsing.kinematics.verdict import generic_rank
+from pinsing.measures import Array, Ints
 from pinsing.plot.style import SMALL, legend_below, new_axes, plain
 from pinsing.proximity.clearance import STEP
 from pinsing.robot.arm import Arm

@@ -14,14 +14,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike
 from pinsing.algebra.budget import Budget
 from pinsing.arguments import checked, typed
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
 from pinsing.kinematics.ladder import ladder_of, posture_names
 from pinsing.kinematics.newton import columns, regular_way
-from pinsing.measures import PRACTICAL, ROUNDING
+from pinsing.measures import PRACTICAL, ROUNDING, Array, ArrayLike
 from pinsing.postures.joint_map import Map, Part, Piece, make_map, require_same_families
 from pinsing.proximity.clearance import quick
 from pinsing.proximity.crossings import check_times, crossings_of, motion_of

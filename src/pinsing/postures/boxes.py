@@ -28,9 +28,9 @@ from itertools import product
 
 import numpy as np
 
-from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.trig_sum import TrigSum
+from pinsing.measures import Array, Bool, Ints
 
 
 @dataclass(frozen=True, eq=False)

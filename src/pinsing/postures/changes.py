@@ -21,7 +21,6 @@ from typing import ClassVar, TypeAlias
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked, typed
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm, closed_form
@@ -31,7 +30,7 @@ from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.ladder import posture_names
 from pinsing.kinematics.newton import columns
 from pinsing.kinematics.verdict import generic_rank
-from pinsing.measures import ALIKE, ROUNDING
+from pinsing.measures import ALIKE, ROUNDING, Array, ArrayLike
 from pinsing.postures.aspects import NOT_COMPLETE, aspects, map_of, missing, opposite
 from pinsing.postures.connection import DIFFERENT, SAME, UNDECIDED, Connection, connect
 from pinsing.postures.joint_map import Map, Part, Piece

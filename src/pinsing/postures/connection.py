@@ -14,9 +14,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked, typed
 from pinsing.errors import OptionError
+from pinsing.measures import Array, ArrayLike
 from pinsing.postures.aspects import (
     NOT_COMPLETE,
     PROVEN,

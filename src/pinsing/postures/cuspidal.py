@@ -8,7 +8,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing._types import Array
 from pinsing.arguments import MAX_SEED, checked, typed, whole_number
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, closed_form
@@ -18,7 +17,7 @@ from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.ladder import ladder_of
 from pinsing.kinematics.newton import one_sheet, regular_way
 from pinsing.kinematics.verdict import generic_rank, ratios
-from pinsing.measures import PRACTICAL, ROUNDING
+from pinsing.measures import PRACTICAL, ROUNDING, Array
 from pinsing.postures.aspects import PROVEN, aspects, missing, nearly
 from pinsing.postures.connection import SAME, Connection, connect
 from pinsing.proximity.watched import require_forms_of

@@ -42,13 +42,12 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike, Bool, Ints, NDArray
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.measures import PRACTICAL
+from pinsing.measures import PRACTICAL, Array, ArrayLike, Bool, Ints, NDArray
 from pinsing.postures.boxes import Ground, Leaves, is_regular, on_boxes, sum_of
 from pinsing.proximity.clearance import quick
 from pinsing.proximity.crossings import crossings_of, motion_of

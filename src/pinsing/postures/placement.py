@@ -17,10 +17,9 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError, RobotFileError
-from pinsing.measures import SEED
+from pinsing.measures import SEED, Array
 from pinsing.proximity.trajectory_file import (
     ANGLES as TURNS,
     LARGEST_TEXT,

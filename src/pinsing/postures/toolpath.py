@@ -22,7 +22,6 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._batch import engine
-from pinsing._types import Array, ArrayLike, Bool, Ints
 from pinsing.algebra.nearest import SearchOptions, two_sided
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
@@ -31,7 +30,7 @@ from pinsing.kinematics.inverse import InverseMany
 from pinsing.kinematics.jacobian import tip_placement, tip_poses
 from pinsing.kinematics.ladder import posture_names
 from pinsing.kinematics.tip_speed import limits_of
-from pinsing.measures import PRACTICAL, ROUNDING
+from pinsing.measures import PRACTICAL, ROUNDING, Array, ArrayLike, Bool, Ints
 from pinsing.notebook import one_line
 from pinsing.postures.placement import TRIED, WorkpiecePlacement, check_ranges, place_at, search
 from pinsing.postures.zone_search import Region

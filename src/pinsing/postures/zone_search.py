@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike, Bool, Ints
 from pinsing.algebra.nearest import BOXES as NEAREST, SearchOptions, nearest_points, two_sided
 from pinsing.algebra.trig_sum import TINY, off_values
 from pinsing.arguments import checked
@@ -27,7 +26,7 @@ from pinsing.kinematics.jacobian import frame_jacobians, singular_values, tip_po
 from pinsing.kinematics.ladder import posture_names
 from pinsing.kinematics.speed_bounds import BoxSpeeds, SpeedBounds, sums_behind
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, speed_judge
-from pinsing.measures import ROUNDING
+from pinsing.measures import ROUNDING, Array, ArrayLike, Bool, Ints
 from pinsing.prose import listed
 from pinsing.proximity.watched import Watched, metric_note, titled, watch
 from pinsing.proximity.zones import Zones

@@ -14,11 +14,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike, Ints, NDArray
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import BOXES, GAP, Bounds, SearchOptions, nearest_points, two_sided
 from pinsing.arguments import checked
 from pinsing.errors import OptionError, ResultError
+from pinsing.measures import Array, ArrayLike, Ints, NDArray
 from pinsing.prose import listed
 from pinsing.proximity.watched import Forms, Watched, watch
 from pinsing.robot.joint_space import JointSpace

@@ -14,13 +14,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike, Bool, Ints
 from pinsing.algebra.conditions import SIMPLE, Conditions, Zeros, place, zeros_along
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.nearest import two_sided
 from pinsing.arguments import checked, real_numbers
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch, JointValue
+from pinsing.measures import Array, ArrayLike, Bool, Ints
 from pinsing.proximity.watched import Forms, Watched, watch
 from pinsing.serialization import JsonResult
 

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from pinsing._types import Array
 from pinsing.atomic_write import MEBIBYTE
 from pinsing.errors import ConfigurationError
 from pinsing.families.form import ClosedForm
+from pinsing.measures import Array
 from pinsing.proximity.clearance import NAMING, certified, quick
 from pinsing.proximity.crossings import FARTHEST
 from pinsing.proximity.monitor import Monitor

@@ -13,7 +13,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pinsing._types import Array, NDArray
 from pinsing._version import __version__
 from pinsing.algebra import trig_sum
 from pinsing.algebra.conditions import Conditions
@@ -22,7 +21,7 @@ from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.families import Family, closed_form
 from pinsing.kinematics.verdict import fingerprint
-from pinsing.measures import ROUNDING
+from pinsing.measures import ROUNDING, Array, NDArray
 from pinsing.prose import visible
 from pinsing.proximity.watched import Forms, each_of, every_name, require_forms_of, watch
 from pinsing.proximity.zones import Zones, zone_distances

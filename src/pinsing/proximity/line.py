@@ -9,7 +9,6 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked, typed
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch
@@ -18,7 +17,7 @@ from pinsing.kinematics.batch import task_rows, turn_left
 from pinsing.kinematics.jacobian import read_pose, tip_and_jacobian
 from pinsing.kinematics.tip_speed import check_speeds, limits_of
 from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
-from pinsing.measures import ALIKE, FLOAT_NOISE
+from pinsing.measures import ALIKE, FLOAT_NOISE, Array, ArrayLike
 from pinsing.prose import LISTED, listed
 from pinsing.proximity.crossings import Crossing, runs
 from pinsing.proximity.passage import Approach, NearStretch, Passage

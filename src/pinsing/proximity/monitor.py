@@ -11,7 +11,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pinsing._batch import engine
-from pinsing._types import Array, ArrayLike
 from pinsing.algebra.conditions import contact_along
 from pinsing.algebra.nearest import two_sided
 from pinsing.arguments import checked, columns_of, real_numbers
@@ -19,7 +18,7 @@ from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.tip_speed import TURN_SPEED, SpeedJudge, TipSpeeds, limits_of, speed_judge
-from pinsing.measures import ROUNDING
+from pinsing.measures import ROUNDING, Array, ArrayLike
 from pinsing.notebook import one_line
 from pinsing.proximity.clearance import NAMING, nearest_family
 from pinsing.proximity.watched import Forms, every_name, titled, watch

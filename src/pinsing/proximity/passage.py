@@ -16,13 +16,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike, Bool
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import BOXES, SearchOptions, nearest_points, two_sided
 from pinsing.kinematics.jacobian import singular_values, task_jacobians
 from pinsing.kinematics.tip_speed import SpeedJudge
 from pinsing.kinematics.verdict import generic_rank
-from pinsing.measures import PRACTICAL, ROUNDING
+from pinsing.measures import PRACTICAL, ROUNDING, Array, ArrayLike, Bool
 from pinsing.proximity.clearance import CLOSE, nearest_family
 from pinsing.proximity.crossings import Crossing, Motion, crossings_of, runs
 from pinsing.proximity.watched import Watched

@@ -9,7 +9,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike, Ints
 from pinsing.algebra.budget import PER_SECOND, Budget
 from pinsing.algebra.nearest import BOXES, SearchOptions, nearest_points
 from pinsing.arguments import MAX_SEED, checked, typed, whole_number
@@ -17,7 +16,7 @@ from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch
 from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.verdict import ratios
-from pinsing.measures import ALIKE, NEAR_RTOL
+from pinsing.measures import ALIKE, NEAR_RTOL, Array, ArrayLike, Ints
 from pinsing.proximity.clearance import CLOSE, certified
 from pinsing.proximity.watched import Forms, Watched, require_forms_of, titled, watch
 from pinsing.robot.arm import Arm, ArmSummary, summarize

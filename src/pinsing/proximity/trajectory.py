@@ -9,11 +9,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked, columns_of, typed
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, check_speeds
+from pinsing.measures import Array, ArrayLike
 from pinsing.notebook import one_line
 from pinsing.prose import LISTED, listed
 from pinsing.proximity.crossings import Crossing, check_reach, check_times

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from pinsing._types import Array, NDArray
 from pinsing.atomic_write import MEBIBYTE
 from pinsing.chunk_file import DamagedError, read_arrays, read_bounded
 from pinsing.errors import ConfigurationError
+from pinsing.measures import Array, NDArray
 from pinsing.robot.arm import Arm, WholeModel
 
 _UNIT = re.compile(

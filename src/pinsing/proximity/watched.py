@@ -11,7 +11,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike, Bool
 from pinsing.algebra.conditions import Conditions, Margin
 from pinsing.arguments import columns_of, real_numbers, stands_for
 from pinsing.errors import OptionError
@@ -19,7 +18,7 @@ from pinsing.families import ClosedForm, Family
 from pinsing.families.family import asked_for
 from pinsing.families.solve import closed_form
 from pinsing.kinematics.verdict import regular_radius
-from pinsing.measures import ROUNDING
+from pinsing.measures import ROUNDING, Array, ArrayLike, Bool
 from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.chain import chain_differs, placements_of
 from pinsing.robot.joint_space import JointSpace, require_values

@@ -9,9 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
+from pinsing.measures import Array
 from pinsing.notebook import one_line
 from pinsing.prose import listed
 from pinsing.proximity.trajectory import angle_text

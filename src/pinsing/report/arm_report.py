@@ -11,7 +11,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike
 from pinsing.algebra.equation import latex_symbol
 from pinsing.arguments import checked, typed
 from pinsing.atomic_write import check_writable, write_bytes, write_text
@@ -21,7 +20,7 @@ from pinsing.families.certificate import text_of
 from pinsing.families.describe import ORDER, missing_everywhere
 from pinsing.families.form import PLACE, coverage_words
 from pinsing.kinematics.at import SINGULAR, State
-from pinsing.measures import Reachability
+from pinsing.measures import Array, ArrayLike, Reachability
 from pinsing.proximity.clearance import Clearance
 from pinsing.proximity.trajectory import check_trajectory, details, summary as said_of
 from pinsing.proximity.zones import Zones, require_zones_of

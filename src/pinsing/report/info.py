@@ -9,7 +9,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, Bool
 from pinsing.arguments import typed
 from pinsing.errors import PinsingError
 from pinsing.families import ClosedForm, Family, closed_form
@@ -18,7 +17,7 @@ from pinsing.kinematics.at import State, at
 from pinsing.kinematics.batch import engine_name
 from pinsing.kinematics.jacobian import generic_rank
 from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
-from pinsing.measures import ROUNDING
+from pinsing.measures import ROUNDING, Array, Bool
 from pinsing.prose import PLAIN, Page, Table
 from pinsing.proximity.clearance import Clearance, clearance
 from pinsing.proximity.suggestion import Suggestion, suggest

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinsing._types import Array
 from pinsing.loops import MechanismAnalysis, MechanismState, analyze_mechanism, mechanism_at
 from pinsing.loops.analysis import Line, joint_lines, pose_lines
 from pinsing.loops.loop_forms import planar_dyad
@@ -20,7 +19,7 @@ from pinsing.loops.solve import (
     Modes,
     assemblies,
 )
-from pinsing.measures import ROUNDING
+from pinsing.measures import ROUNDING, Array
 from pinsing.prose import Page
 from pinsing.report.document import (
     Section,

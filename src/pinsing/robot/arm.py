@@ -12,10 +12,9 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._package import Advised
-from pinsing._types import Array, ArrayLike, Bool
 from pinsing.arguments import checked, columns_of, real_numbers
 from pinsing.errors import ConfigurationError
-from pinsing.measures import ALIKE
+from pinsing.measures import ALIKE, Array, ArrayLike, Bool
 from pinsing.notebook import one_line, text as notebook_text
 from pinsing.robot.chains import frame_index
 from pinsing.robot.joint_space import JointSpace, model_q, require_scale, require_values

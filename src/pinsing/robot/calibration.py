@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Chain
 from pinsing.description.catalog import known_arms
 from pinsing.description.dh_table import known_table, with_turns
 from pinsing.description.yaml_tree import YamlNode, compose
 from pinsing.errors import OptionError, RobotFileError
+from pinsing.measures import Chain
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import chain_model, flatten, keep_chain
 from pinsing.robot.design import AxisDifference, alignment, axes, differences, require_same

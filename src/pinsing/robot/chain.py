@@ -8,8 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array, Chain
-from pinsing.measures import ROUNDING
+from pinsing.measures import ROUNDING, Array, Chain
 from pinsing.robot.arm import Arm
 from pinsing.robot.models import axis_rotation, joint_axis
 

@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array, Chain
 from pinsing.errors import OptionError
-from pinsing.measures import FLOAT_NOISE
+from pinsing.measures import FLOAT_NOISE, Array, Chain
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import chain_model, flatten, keep_chain
 from pinsing.robot.nominal import Deviation, nominal

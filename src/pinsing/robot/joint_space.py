@@ -13,9 +13,8 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array, ArrayLike, Bool
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
-from pinsing.measures import ROUNDING
+from pinsing.measures import ROUNDING, Array, ArrayLike, Bool
 
 
 def named(word: str, names: Sequence[str]) -> str:

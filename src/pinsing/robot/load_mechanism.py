@@ -29,13 +29,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array, Bool
 from pinsing.arguments import checked
 from pinsing.description.urdf import NO_LIMITS
 from pinsing.description.xml_tree import suggestion
 from pinsing.description.yaml_tree import YamlNode, compose
 from pinsing.errors import JointError, OptionError, PinsingError
-from pinsing.measures import ALIKE, ROUNDING
+from pinsing.measures import ALIKE, ROUNDING, Array, Bool
 from pinsing.robot.chains import frame_index
 from pinsing.robot.mechanism import LOOP_KINDS, Loop, Mechanism, Sample, closing, meeting_point
 from pinsing.robot.models import joint_axis

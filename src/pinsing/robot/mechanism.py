@@ -10,9 +10,8 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array, ArrayLike, Bool
 from pinsing.arguments import checked, columns_of, real_numbers
-from pinsing.measures import ROUNDING
+from pinsing.measures import ROUNDING, Array, ArrayLike, Bool
 from pinsing.notebook import one_line
 from pinsing.robot.chains import frame_index
 from pinsing.robot.joint_space import JointSpace, model_q, require_scale, require_values

@@ -20,9 +20,9 @@ from typing import BinaryIO, cast
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array
 from pinsing.description.urdf import Description
 from pinsing.errors import JointError, RobotFileError
+from pinsing.measures import Array
 from pinsing.robot.chains import LONGEST, frame_index, joint_path
 from pinsing.robot.source import Coupling
 

@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array
 from pinsing.description.catalog import CatalogEntry, locate_robot
 from pinsing.description.urdf import MAX_DEPTH, MAX_IN_A_TREE
 from pinsing.description.xml_tree import MAX_BYTES, Node, UrdfSource, parse_xml, read_bytes, show
 from pinsing.errors import RobotFileError
+from pinsing.measures import Array
 from pinsing.robot.source import given_model
 
 SUFFIXES = (".xml", ".mjcf")

@@ -23,10 +23,9 @@ from typing import Any
 
 import numpy as np
 
-from pinsing._types import Array, Chain
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
-from pinsing.measures import FLOAT_NOISE, ROUNDING, SEED
+from pinsing.measures import FLOAT_NOISE, ROUNDING, SEED, Array, Chain
 from pinsing.notebook import one_line
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import (

@@ -16,12 +16,12 @@ from typing import Any, Protocol, TypeVar, cast
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array
 from pinsing.description.catalog import CatalogEntry, known_arms, locate_robot, urdf_folder
 from pinsing.description.ros_packages import Shapes
 from pinsing.description.urdf import Description, parse_description, read_description
 from pinsing.description.xml_tree import has_control
 from pinsing.errors import ArgumentError, PinsingError, RobotFileError
+from pinsing.measures import Array
 
 T = TypeVar("T")
 

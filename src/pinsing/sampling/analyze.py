@@ -11,7 +11,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike, Bool, NDArray
 from pinsing.algebra.budget import Stages
 from pinsing.arguments import MAX_SEED, MAX_STARTS, checked, whole_number
 from pinsing.errors import OptionError
@@ -25,7 +24,7 @@ from pinsing.kinematics.refine import (
     walk,
 )
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, measure, ratios
-from pinsing.measures import ALIKE, PRACTICAL, Reachability
+from pinsing.measures import ALIKE, PRACTICAL, Array, ArrayLike, Bool, NDArray, Reachability
 from pinsing.notebook import text, verdict
 from pinsing.prose import PLAIN, Page, Span, alarm, caution, unbroken
 from pinsing.robot.arm import Arm, ArmSummary, summarize

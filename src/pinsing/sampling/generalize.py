@@ -16,13 +16,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike, Bool
 from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.kinematics.batch import own_scale
 from pinsing.kinematics.refine import SingularConfiguration, approach
 from pinsing.kinematics.verdict import SINGULAR_RTOL, Status, ratios
-from pinsing.measures import Reachability
+from pinsing.measures import Array, ArrayLike, Bool, Reachability
 from pinsing.prose import Span, listed, unbroken, verdict
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import nominal

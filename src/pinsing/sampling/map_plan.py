@@ -13,11 +13,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pinsing._batch import engine
-from pinsing._types import Array, ArrayLike, Bool, NDArray
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.kinematics.batch import batch, own_scale
 from pinsing.kinematics.verdict import scale_notes
+from pinsing.measures import Array, ArrayLike, Bool, NDArray
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.serialization import JsonResult
 

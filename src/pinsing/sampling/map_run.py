@@ -13,7 +13,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import two_sided
 from pinsing.arguments import checked, typed
@@ -22,7 +21,7 @@ from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.batch import PINOCCHIO, Batch
 from pinsing.kinematics.verdict import generic_rank, measured, run_identity
-from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL, Array, ArrayLike
 from pinsing.prose import PLAIN, Page, Span, Table, alarm, caution, verdict
 from pinsing.proximity.clearance import nearest_family
 from pinsing.proximity.watched import Forms, require_forms_of, watch

@@ -10,13 +10,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike, Bool, Ints, NDArray
 from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.kinematics.batch import batch
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, generic_rank, ratios, scale_notes
-from pinsing.measures import ROUNDING
+from pinsing.measures import ROUNDING, Array, ArrayLike, Bool, Ints, NDArray
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.nominal import ANGLE_TOL, nominal as nominal_geometry
 from pinsing.sampling.generalize import ConditionTester, apart, value_text

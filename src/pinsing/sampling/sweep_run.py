@@ -22,13 +22,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked, typed, whole_number
 from pinsing.atomic_write import MEBIBYTE, write_bytes
 from pinsing.chunk_file import DamagedError, Record, read_arrays, read_bounded
 from pinsing.errors import OptionError, ResultError, UnknownNameError
 from pinsing.kinematics.batch import Batch
 from pinsing.kinematics.verdict import Status, last_and_ratio, measured, run_identity, status_of
+from pinsing.measures import Array, ArrayLike
 from pinsing.prose import PLAIN, Page, Span, alarm, unbroken, verdict
 from pinsing.robot.arm import Arm, ArmSummary
 from pinsing.sampling.execute import (

@@ -17,10 +17,19 @@ import numpy as np
 
 from pinsing._batch import engine
 from pinsing._batch.engine import ValueCounts
-from pinsing._types import Array, Bool, Ints, NDArray
 from pinsing.chunk_file import DamagedError, Record
 from pinsing.errors import OptionError
-from pinsing.measures import NEAR_RTOL, ROUNDING, SINGULAR_RTOL, Status, status_of
+from pinsing.measures import (
+    NEAR_RTOL,
+    ROUNDING,
+    SINGULAR_RTOL,
+    Array,
+    Bool,
+    Ints,
+    NDArray,
+    Status,
+    status_of,
+)
 
 # A bin is a stretch of floats with the same exponent and leading digits: each octave in equal
 # parts. Its number is read off the bits of the float, without a logarithm or rounding.

@@ -17,8 +17,8 @@ from uuid import uuid1
 
 import numpy as np
 
-from pinsing._types import Array, NDArray
 from pinsing.errors import Refusal
+from pinsing.measures import Array, NDArray
 
 _STEPS = 32767  # of the longest side, in each direction
 _TYPES = {"Int8Array": 17, "Int16Array": 19, "Uint16Array": 20, "Uint32Array": 22}

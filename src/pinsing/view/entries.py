@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array, ArrayLike, Bool
 from pinsing.algebra.conditions import weighted_sum
 from pinsing.algebra.equation import Equation
 from pinsing.errors import OptionError
@@ -21,7 +20,7 @@ from pinsing.kinematics.batch import own_scale
 from pinsing.kinematics.lost_motion import arm_centres, moving_columns
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, generic_rank, task_size
-from pinsing.measures import Reachability
+from pinsing.measures import Array, ArrayLike, Bool, Reachability
 from pinsing.robot.arm import Arm
 from pinsing.robot.models import joint_axis
 from pinsing.robot.nominal import nominal

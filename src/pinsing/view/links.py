@@ -18,8 +18,8 @@ import numpy as np
 import pinocchio as pin
 import umsgpack
 
-from pinsing._types import Array
 from pinsing.description.ros_packages import ColladaProblem, image_references
+from pinsing.measures import Array
 from pinsing.robot.arm import Arm
 from pinsing.robot.chains import frame_index
 from pinsing.robot.mechanism import Mechanism

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike
 from pinsing.errors import OptionError
 from pinsing.loops.analysis import MechanismAnalysis, analyze_mechanism
 from pinsing.loops.closure import hinged_balls, random_closed, ranks
@@ -26,7 +25,7 @@ from pinsing.loops.structure import (
     plane_normal,
     structure,
 )
-from pinsing.measures import ALIKE, NEAR_RTOL, ROUNDING, SINGULAR_RTOL
+from pinsing.measures import ALIKE, NEAR_RTOL, ROUNDING, SINGULAR_RTOL, Array, ArrayLike
 from pinsing.robot.mechanism import Mechanism, closing
 from pinsing.view.entries import chain_data, frame_data, joint_data, sizes_data
 from pinsing.view.links import geometry as mg

@@ -19,11 +19,11 @@ from typing import BinaryIO
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array, NDArray
 from pinsing.atomic_write import write_bytes
 from pinsing.description import child_jail
 from pinsing.description.xacro import MEMORY
 from pinsing.errors import PinsingError
+from pinsing.measures import Array, NDArray
 from pinsing.view.collada import Painted, unpacked
 
 SECONDS_EACH = 20.0

@@ -14,11 +14,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array, ArrayLike
 from pinsing.errors import OptionError
 from pinsing.kinematics.at import at
 from pinsing.kinematics.jacobian import frame_jacobians
-from pinsing.measures import pure_ellipsoids
+from pinsing.measures import Array, ArrayLike, pure_ellipsoids
 from pinsing.robot.arm import Arm
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.models import joint_axis

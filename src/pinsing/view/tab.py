@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.atomic_write import write_text
 from pinsing.errors import OptionError, UnknownNameError
+from pinsing.measures import Array
 from pinsing.robot.arm import Arm
 from pinsing.robot.mechanism import Mechanism
 from pinsing.view.links import Links, Recorder, read_links

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from pinsing._types import Array
 from pinsing.errors import PinsingError
+from pinsing.measures import Array
 from pinsing.proximity.trajectory import TrajectoryCheck, check_trajectory, summary
 from pinsing.proximity.trajectory_file import read_trajectory
 from pinsing.proximity.watched import titled

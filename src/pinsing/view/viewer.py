@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked, shown
 from pinsing.errors import ArgumentError, OptionError
 from pinsing.families import Family, joint_symbols
 from pinsing.families.form import coverage_words
 from pinsing.families.tube import Tube
 from pinsing.kinematics.jacobian import frame_jacobians
-from pinsing.measures import SINGULAR_RTOL, pure_ellipsoids
+from pinsing.measures import SINGULAR_RTOL, Array, ArrayLike, pure_ellipsoids
 from pinsing.proximity.zones import Zones, zone_distances
 from pinsing.robot.arm import Arm, summarize
 from pinsing.sampling.generalize import Finding
