@@ -27,7 +27,7 @@ from pinsing.kinematics.jacobian import task_jacobian
 from pinsing.report.info import ArmInfo
 from pinsing.robot.load import load
 from pinsing.sampling.analyze import Analysis
-from pinsing.sampling.sweep_run import load_npz
+from pinsing.sampling.sweeps import load_npz
 
 URDF = Path(__file__).parent.parent / "urdf"
 
@@ -178,7 +178,7 @@ class TestSweep:
         assert in_degrees == in_radians
 
     def test_ctrl_c_keeps_what_is_done(self, monkeypatch, tmp_path):
-        import pinsing.sampling.sweep_run as module
+        import pinsing.sampling.sweeps as module
 
         def interrupted(*_):
             raise KeyboardInterrupt

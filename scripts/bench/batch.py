@@ -26,8 +26,7 @@ from pinsing.kinematics.verdict import fixed_batch
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
 from pinsing.robot.load import load
-from pinsing.sampling.map_plan import plan_map
-from pinsing.sampling.map_run import MapJob, compute_map_chunk
+from pinsing.sampling.maps import MapJob, compute_map_chunk, plan_map
 
 ROBOTS = "cmeel.prefix/share/example-robot-data/robots"
 ARMS = {

@@ -18,8 +18,7 @@ import numpy as np
 from pinsing._batch import engine
 from pinsing.robot.load import load
 from pinsing.sampling.analyze import singular_configurations
-from pinsing.sampling.sweep_plan import plan_sweep
-from pinsing.sampling.sweep_run import run_sweep
+from pinsing.sampling.sweeps import plan_sweep, run_sweep
 
 
 def main() -> None:

@@ -35,7 +35,7 @@ def _goods() -> dict[str, bytes]:
     import numpy as np
 
     import pinsing
-    from pinsing.sampling.sweep_run import pack_sweep
+    from pinsing.sampling.sweeps import pack_sweep
 
     arm = pinsing.load("planar3r")
     Q = np.linspace([-1.0, -0.5, 0.4], [1.0, 0.6, -0.3], 7)
@@ -62,7 +62,7 @@ def table(rngs: list[random.Random], folder: Path) -> Ended:
     import pinsing
     from pinsing.errors import PinsingError
     from pinsing.proximity.trajectory_file import read_trajectory
-    from pinsing.sampling.sweep_run import load_npz
+    from pinsing.sampling.sweeps import load_npz
 
     name = rngs[0].choice(sorted(_goods()))
     data = _goods()[name]

@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 
 from pinsing.kinematics.at import State
 from pinsing.robot.arm import Arm
-from pinsing.sampling.sweep_run import SweepResult
+from pinsing.sampling.sweeps import SweepResult
 
 COLORS = ("#1f5fa8", "#c0392b", "#2e8b57", "#8e5ea2", "#b8860b")
 plt.rcParams.update(

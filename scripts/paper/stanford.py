@@ -13,7 +13,7 @@ from paper.rows import AGREES, DIFFERS, Figure, Row, Section, judged, tiny
 from pinsing.families import closed_form
 from pinsing.kinematics.jacobian import frame_jacobian, singular_values, tip_placement
 from pinsing.robot.load import load
-from pinsing.sampling.sweep_run import sweep
+from pinsing.sampling.sweeps import sweep
 
 SAMPLES = 361
 

@@ -17,7 +17,7 @@ from pinsing.kinematics.at import State, at
 from pinsing.kinematics.jacobian import frame_jacobian, singular_values, tip_placement
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.robot.load import load
-from pinsing.sampling.sweep_run import SweepResult, sweep
+from pinsing.sampling.sweeps import SweepResult, sweep
 
 SAMPLES = 361
 _FLAT = 1e-9

@@ -26,7 +26,7 @@ from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
 from pinsing.robot.surd import cosine
 from pinsing.sampling.analyze import analysis_text, analyze
-from pinsing.sampling.sweep_run import sweep
+from pinsing.sampling.sweeps import sweep
 
 RIGHT = math.pi / 2
 

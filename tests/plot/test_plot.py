@@ -27,7 +27,7 @@ from pinsing.families import closed_form
 from pinsing.kinematics.at import at
 from pinsing.kinematics.jacobian import frame_jacobian, singular_values
 from pinsing.plot.style import pi_text, pi_ticks
-from pinsing.sampling.sweep_run import SweepResult, sweep
+from pinsing.sampling.sweeps import SweepResult, sweep
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ from pinsing.errors import WorkerError
 from pinsing.robot.load import load
 from pinsing.sampling import sigma_map
 from pinsing.sampling.executors import call_there, dask_cluster
-from pinsing.sampling.map_plan import BLOCK
+from pinsing.sampling.maps import BLOCK
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -26,9 +26,8 @@ from pinsing.chunk_file import DamagedError
 from pinsing.errors import EngineError, OutputError
 from pinsing.sampling import plan_map, sigma_map
 from pinsing.sampling.execute import RunFolder, ctrl_c_afterwards, open_run, recorded
-from pinsing.sampling.map_plan import BLOCK
-from pinsing.sampling.sweep_plan import plan_sweep
-from pinsing.sampling.sweep_run import SweepResult, load_npz, run_sweep
+from pinsing.sampling.maps import BLOCK
+from pinsing.sampling.sweeps import SweepResult, load_npz, plan_sweep, run_sweep
 
 IDENTITY = {"kind": "test", "size": 3}
 RECORD = {"a": np.arange(5.0), "b": np.array([1, 2])}
@@ -341,9 +340,9 @@ def _ctrl_c_before(function: Callable[..., Any]) -> Callable[..., Any]:
 @pytest.mark.parametrize(
     ("name", "place"),
     [
-        ("run", "pinsing.sampling.sweep_run.pack_sweep"),
+        ("run", "pinsing.sampling.sweeps.pack_sweep"),
         ("run", "pinsing.sampling.analyze.singular_configurations"),
-        ("curves.npz", "pinsing.sampling.sweep_run.save_npz"),
+        ("curves.npz", "pinsing.sampling.sweeps.save_npz"),
         ("curves.npz", "pinsing.sampling.analyze.singular_configurations"),
     ],
 )
@@ -365,7 +364,7 @@ def test_ctrl_c_after_the_last_chunk_of_a_sweep(name, place, tmp_path, monkeypat
 
 
 def test_ctrl_c_when_a_map_is_complete_takes_nothing_away(tmp_path, monkeypatch):
-    module = importlib.import_module("pinsing.sampling.map_run")
+    module = importlib.import_module("pinsing.sampling.maps")
     monkeypatch.setattr(module, "distributions", _ctrl_c_before(module.distributions))
     words = ["map", "planar3r", "--count", "4096", "--threads", "1"]
     done = run(*words, "-o", str(tmp_path / "run"))

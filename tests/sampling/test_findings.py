@@ -12,7 +12,7 @@ from pinsing.measures import sigma_ratio
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
 from pinsing.sampling.analyze import singular_configurations
-from pinsing.sampling.sweep_run import sweep
+from pinsing.sampling.sweeps import sweep
 
 PI = np.pi
 

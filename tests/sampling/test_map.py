@@ -28,9 +28,9 @@ from pinsing.kinematics.verdict import fixed_batch, fixed_engine
 from pinsing.measures import sigma_ratio
 from pinsing.robot.load import load
 from pinsing.robot.source import Coupling
-from pinsing.sampling import MapResult, map_plan, plan_map, sigma_map
+from pinsing.sampling import MapResult, maps, plan_map, sigma_map
 from pinsing.sampling.executors import local_processes
-from pinsing.sampling.map_plan import BLOCK, grid_axis, grid_points, put_points, unit_points
+from pinsing.sampling.maps import BLOCK, grid_axis, grid_points, put_points, unit_points
 from pinsing.sampling.tally import BINS, QUANTILE_ERROR, Tally, bin_edges, bin_numbers, count_values
 
 N = 5 * BLOCK + 77
@@ -41,23 +41,23 @@ N = 5 * BLOCK + 77
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:The balance properties")
-@pytest.mark.parametrize("dimension", [1, 2, 3, 7, 21, map_plan.MAX_DIMENSION])
+@pytest.mark.parametrize("dimension", [1, 2, 3, 7, 21, maps.MAX_DIMENSION])
 def test_sobol_points_are_those_of_scipy(dimension: int) -> None:
     from scipy.stats import qmc
 
-    expected = qmc.Sobol(dimension, scramble=False, bits=map_plan.BITS).random(5000)
-    words = map_plan.sobol(0, 5000, dimension)
-    np.testing.assert_array_equal(words * 2.0**-map_plan.BITS, expected)
+    expected = qmc.Sobol(dimension, scramble=False, bits=maps.BITS).random(5000)
+    words = maps.sobol(0, 5000, dimension)
+    np.testing.assert_array_equal(words * 2.0**-maps.BITS, expected)
 
 
 @given(start=st.integers(0, 10**15), length=st.integers(0, 9000))
 def test_any_stretch_of_the_sobol_sequence(start: int, length: int) -> None:
-    found = map_plan.sobol(start, start + length, 3)
-    v = map_plan.directions(3)
+    found = maps.sobol(start, start + length, 3)
+    v = maps.directions(3)
     for i in {0, length // 2, length - 1} - {-1}:
         if i < length:
             gray = (start + i) ^ ((start + i) >> 1)
-            digits = [j for j in range(map_plan.BITS) if gray >> j & 1]
+            digits = [j for j in range(maps.BITS) if gray >> j & 1]
             np.testing.assert_array_equal(found[i], np.bitwise_xor.reduce(v[digits], axis=0))
 
 

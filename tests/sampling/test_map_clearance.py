@@ -12,7 +12,7 @@ from pinsing import clearance, closed_form, plot
 from pinsing.errors import OptionError, OutputError
 from pinsing.robot.load import load
 from pinsing.sampling import MapResult, sigma_map
-from pinsing.sampling.map_plan import BLOCK
+from pinsing.sampling.maps import BLOCK
 
 
 @pytest.mark.slow

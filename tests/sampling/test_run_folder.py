@@ -15,8 +15,8 @@ from pinsing.chunk_file import DamagedError, pack, read_arrays, read_bounded
 from pinsing.errors import OutputError, ResultError
 from pinsing.sampling import sigma_map
 from pinsing.sampling.execute import RunFolder, recorded
-from pinsing.sampling.map_plan import BLOCK
-from pinsing.sampling.sweep_run import load_npz
+from pinsing.sampling.maps import BLOCK
+from pinsing.sampling.sweeps import load_npz
 
 COUNT = 4 * BLOCK
 

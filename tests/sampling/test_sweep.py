@@ -16,8 +16,8 @@ from pinsing.errors import (
     UnknownNameError as NoName,
 )
 from pinsing.kinematics.jacobian import singular_values
-from pinsing.sampling.sweep_plan import SweepPlan, plan_sweep
-from pinsing.sampling.sweep_run import SweepResult, load_npz, run_sweep, save_npz, sweep
+from pinsing.sampling import SweepPlan, SweepResult, plan_sweep, sweep
+from pinsing.sampling.sweeps import load_npz, run_sweep, save_npz
 
 PI = np.pi
 PAPER = [0.3, *[PI / 3] * 6]

@@ -16,8 +16,7 @@ from singular_sets import dips
 from pinsing.errors import OptionError
 from pinsing.plot import sigma_curves
 from pinsing.sampling.analyze import singular_configurations
-from pinsing.sampling.sweep_plan import CurveTable, plan_sweep
-from pinsing.sampling.sweep_run import SweepResult, load_npz, run_sweep, sweep
+from pinsing.sampling.sweeps import CurveTable, SweepResult, load_npz, plan_sweep, run_sweep, sweep
 from pinsing.sampling.tally import Pool, minima
 
 SWEEP = sys.modules[run_sweep.__module__]  # the package has a function of that name
@@ -262,7 +261,7 @@ def count_and_peak(step: int, levels: int, samples: int) -> tuple[int, float]:
     """Jacobians that a child process sweeps a Panda through, and its peak memory in MiB."""
     code = (
         "import math, pinsing\n"
-        "from pinsing.sampling.sweep_run import plan_sweep, run_sweep\n"
+        "from pinsing.sampling.sweeps import plan_sweep, run_sweep\n"
         "arm = pinsing.load('panda')\n"
         f"special = [math.radians(a) for a in range(-180, 180, {step})]\n"
         f"plan = plan_sweep(arm, special=special, levels=[{levels}], samples={samples})\n"

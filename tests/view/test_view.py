@@ -109,7 +109,7 @@ def test_poses_are_on_their_family_inside_the_limits_and_the_same_every_time(nam
 
 def test_findings_of_a_sweep_are_listed() -> None:
     from pinsing.sampling.analyze import singular_configurations
-    from pinsing.sampling.sweep_run import sweep
+    from pinsing.sampling.sweeps import sweep
 
     arm = textbook("stanford")
     findings = singular_configurations(arm, sweep(arm, levels=1, samples=24))

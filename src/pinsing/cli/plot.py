@@ -283,7 +283,7 @@ def plot_command(
         state = at(arm, regular_configuration(arm) if q is None else q)
         axes = plot.ellipsoids(state, motions=motions, arm=arm)
     else:
-        from pinsing.sampling.sweep_run import sweep
+        from pinsing.sampling.sweeps import sweep
 
         chosen: dict[str, Any] = {"levels": (max(len(held), 1),), "ignore_limits": ignore_limits}
         if held:

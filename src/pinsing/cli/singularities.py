@@ -235,8 +235,14 @@ def sweep_command(
     from pinsing.robot.nominal import nominal
     from pinsing.sampling.analyze import singular_configurations
     from pinsing.sampling.execute import ctrl_c_afterwards
-    from pinsing.sampling.sweep_plan import plan_sweep
-    from pinsing.sampling.sweep_run import CURVES, check_keep, run_sweep, save_npz, sweep_text
+    from pinsing.sampling.sweeps import (
+        CURVES,
+        check_keep,
+        plan_sweep,
+        run_sweep,
+        save_npz,
+        sweep_text,
+    )
     from pinsing.serialization import encode
 
     tests = nominal(arm, angle_tol=RAW_ANGLE_TOL).arm if geometry == "raw" else nominal(arm).arm

@@ -35,7 +35,7 @@ from pinsing.proximity.crossings import Crossing, crossings, crossings_of, motio
 from pinsing.proximity.watched import Forms, watch
 from pinsing.robot.arm import Arm, ArmSummary
 from pinsing.robot.nominal import nominal
-from pinsing.sampling.sweep_run import SweepCurve, SweepResult
+from pinsing.sampling.sweeps import SweepCurve, SweepResult
 
 
 @checked

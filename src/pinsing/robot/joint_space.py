@@ -76,6 +76,14 @@ class JointSpace:
         """`circles` or `span`."""
         return self.circles if ignore_limits else self.span
 
+    def one_turn(self, ignore_limits: bool) -> Array:
+        """`range` as (n, 2), but no more than one turn: from -pi on if that is in the range."""
+        low, high = self.range(ignore_limits)
+        turn = 2 * np.pi
+        long = ~self.prismatic & (high - low > turn * (1 + 1e-6))
+        low = np.where(long, np.maximum(low, np.minimum(-np.pi, high - turn)), low)
+        return np.stack([low, np.where(long, low + turn, high)], axis=1)
+
     def index(self, name: str) -> int:
         """Return the index of a joint, by name or as ``q1``; UnknownNameError if there is none."""
         found = named(name, self.names)

@@ -15,19 +15,25 @@ if TYPE_CHECKING:
         Generalization as Generalization,
         generalize as generalize,
     )
-    from pinsing.sampling.map_plan import MapPlan as MapPlan, plan_map as plan_map
-    from pinsing.sampling.map_run import MapResult as MapResult, sigma_map as sigma_map
-    from pinsing.sampling.sweep_plan import SweepPlan as SweepPlan, plan_sweep as plan_sweep
-    from pinsing.sampling.sweep_run import SweepResult as SweepResult, sweep as sweep
+    from pinsing.sampling.maps import (
+        MapPlan as MapPlan,
+        MapResult as MapResult,
+        plan_map as plan_map,
+        sigma_map as sigma_map,
+    )
+    from pinsing.sampling.sweeps import (
+        SweepPlan as SweepPlan,
+        SweepResult as SweepResult,
+        plan_sweep as plan_sweep,
+        sweep as sweep,
+    )
 
 public(
     __name__,
     {
         "analyze": "Analysis analyze singular_configurations",
         "generalize": "Finding Generalization generalize",
-        "map_plan": "MapPlan plan_map",
-        "map_run": "MapResult sigma_map",
-        "sweep_plan": "SweepPlan plan_sweep",
-        "sweep_run": "SweepResult sweep",
+        "maps": "MapPlan MapResult plan_map sigma_map",
+        "sweeps": "SweepPlan SweepResult plan_sweep sweep",
     },
 )

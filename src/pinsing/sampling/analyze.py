@@ -37,9 +37,15 @@ from pinsing.sampling.generalize import (
     finding_spans,
     held,
 )
-from pinsing.sampling.map_plan import BLOCK
-from pinsing.sampling.sweep_plan import SAMPLES, SPECIAL_ANGLES, CurveTable, Special
-from pinsing.sampling.sweep_run import SweepResult, sweep
+from pinsing.sampling.sweeps import (
+    SAMPLES,
+    SPECIAL_ANGLES,
+    CurveTable,
+    Special,
+    SweepResult,
+    sweep,
+)
+from pinsing.sampling.tally import BLOCK
 from pinsing.serialization import JsonResult
 
 _SAME_RELATION = 1e-2  # the same beside a relation: near it, a raw geometry blurs the values

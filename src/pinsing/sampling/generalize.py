@@ -25,7 +25,7 @@ from pinsing.measures import Array, ArrayLike, Bool, Reachability
 from pinsing.prose import Span, listed, unbroken, verdict
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import nominal
-from pinsing.sampling.map_plan import BLOCK
+from pinsing.sampling.tally import BLOCK
 from pinsing.serialization import JsonResult, Written
 
 

@@ -40,6 +40,12 @@ BINS = ((HIGHEST - LOWEST) << _DIGITS) + 2
 QUANTILE_ERROR = 2.0 ** -(_DIGITS + 1)
 """Largest relative error of a quantile that is read off a histogram: half a bin."""
 
+BLOCK = 4096
+"""Configurations that are treated at a time; a chunk is a number of whole blocks."""
+
+WORST = 20
+"""Worst configurations that are kept unless asked otherwise."""
+
 _SHIFT = np.finfo(float).nmant - _DIGITS
 _FIRST = ((1023 + LOWEST) << _DIGITS) - 1
 
