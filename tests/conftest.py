@@ -50,7 +50,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if quick and getattr(config.option, "dist", "no") == "no":  # not what hands out tests alone
         _share("pinsing.robot.load", "load")
         _share("pinsing.families.solve", "closed_form")
-        _share("pinsing.robot.load_mechanism", "load_mechanism")
+        _share("pinsing.robot.mechanism", "load_mechanism")
         _share("pinsing.loops.analysis", "analyze_mechanism")
         _share("pinsing.postures.aspects", "aspects")
         for name in _CHANGES:

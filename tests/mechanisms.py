@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing.loops import MechanismAnalysis, analyze_mechanism
-from pinsing.loops.structure import at_zero, plane_normal
-from pinsing.robot.load_mechanism import Loop, Mechanism, load_mechanism
+from pinsing.loops.closure import at_zero, plane_normal
+from pinsing.robot.mechanism import Loop, Mechanism, load_mechanism
 from pinsing.view.mechanism_viewer import linkage_sizes, mechanism_data
 
 URDF = Path(__file__).parent.parent / "urdf"

@@ -245,7 +245,7 @@ def _regular(arm: Any, form: Any, Q: np.ndarray) -> int:
 
 def _mechanism(name: str, before: dict[str, Any] | None) -> dict[str, Any]:
     from pinsing.loops import analyze_mechanism, joint_forms, mechanism_at
-    from pinsing.robot.load_mechanism import load_mechanism
+    from pinsing.robot.mechanism import load_mechanism
 
     mechanism = load_mechanism(ROOT / "urdf" / f"{name}.urdf")
     found = analyze_mechanism(mechanism)

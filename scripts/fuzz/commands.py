@@ -53,7 +53,7 @@ def _mechanism(tree: str, loops: str) -> int:
     from pinsing.description.dh_table import urdf_folder
     from pinsing.errors import PinsingError
     from pinsing.loops.closure import Loops
-    from pinsing.robot.load_mechanism import load_mechanism
+    from pinsing.robot.mechanism import load_mechanism
 
     try:
         mechanism = load_mechanism(urdf_folder() / f"{tree}.urdf", loops)

@@ -14,7 +14,7 @@ from pinsing.kinematics.jacobian import frame_jacobian
 from pinsing.loops import loop_forms
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
-from pinsing.robot.load_mechanism import load_mechanism
+from pinsing.robot.mechanism import load_mechanism
 from pinsing.robot.nominal import nominal
 
 ARMS = ("stanford", "puma560", "irb1400", "ur5", "surgical7", "iiwa14", "panda", "xarm7")

@@ -23,7 +23,7 @@ from pinsing.loops import (
 )
 from pinsing.loops.loop_forms import planar_dyad
 from pinsing.plot.mechanism import draw_linkage, input_map, is_left, map_legend
-from pinsing.robot.load_mechanism import Mechanism, load_mechanism
+from pinsing.robot.mechanism import Mechanism, load_mechanism
 
 THIRD = np.pi / 3
 

@@ -44,7 +44,7 @@ from pinsing.loops import (
 from pinsing.loops.closure import Loops, gauss_newton, random_closed
 from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.motion import elbow_sines
-from pinsing.robot.load_mechanism import Loop, Mechanism, load_mechanism
+from pinsing.robot.mechanism import Loop, Mechanism, load_mechanism
 
 MODELS = ("five_bar", "four_bar", "planar_3rrr")
 THIRD = np.pi / 3

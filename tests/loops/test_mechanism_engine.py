@@ -21,11 +21,10 @@ from pinsing.loops import (
     residual,
     working_modes,
 )
-from pinsing.loops.closure import BatchLoops, Loops, newton, random_closed
+from pinsing.loops.closure import BatchLoops, Loops, newton, output_pose, random_closed
 from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.motion import assembly_sign
-from pinsing.loops.structure import output_pose
-from pinsing.robot.load_mechanism import Loop, Mechanism
+from pinsing.robot.mechanism import Loop, Mechanism
 from pinsing.view.mechanism_viewer import groups, linkage_sizes
 
 SHIPPED = ["five_bar", "four_bar", "planar_3rrr"]

@@ -13,12 +13,11 @@ from urdf_text import J, Y, frame, loop_text, written
 from pinsing.cli.plot import plot_loops
 from pinsing.errors import OptionError
 from pinsing.loops import home, mechanism_at, mode_of, refine
-from pinsing.loops.closure import Loops
+from pinsing.loops.closure import Loops, output_pose
 from pinsing.loops.loop_forms import planar_dyad
+from pinsing.loops.map import pose_slice
 from pinsing.loops.motion import COORDINATES, pose_of
-from pinsing.loops.pose_slice import pose_slice
 from pinsing.loops.solve import working_modes
-from pinsing.loops.structure import output_pose
 from pinsing.plot.mechanism import (
     MINUS,
     PLUS,
@@ -32,7 +31,7 @@ from pinsing.plot.mechanism import (
     panels,
     pose_maps,
 )
-from pinsing.robot.load_mechanism import load_mechanism
+from pinsing.robot.mechanism import load_mechanism
 
 mpl.use("agg")
 

@@ -10,10 +10,9 @@ from node import needs_node, run
 from tiers import tiered
 
 from pinsing.loops import home, mechanism_at, working_modes
-from pinsing.loops.closure import Loops
+from pinsing.loops.closure import Loops, output_pose
 from pinsing.loops.motion import elbows, led_pose, mode_of, read_pose
-from pinsing.loops.structure import output_pose
-from pinsing.robot.load_mechanism import Loop, Mechanism
+from pinsing.robot.mechanism import Loop, Mechanism
 
 LED = {  # the coordinates that the outputs of the shelf can be led in
     "five_bar": "x y", "four_bar": "turn", "planar_3rrr": "x y turn", "planar_3rpr": "x y turn",

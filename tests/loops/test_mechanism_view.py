@@ -17,7 +17,7 @@ from tiers import tiered
 from pinsing.cli.mechanism import view_loops
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
 from pinsing.loops import analyze_mechanism, home, mechanism_at
-from pinsing.loops.structure import at_zero, plane_normal
+from pinsing.loops.closure import at_zero, plane_normal
 from pinsing.view.mechanism_viewer import MechanismViewer, groups, side
 from pinsing.view.tab import SIDE
 

@@ -23,10 +23,9 @@ from pinsing.loops import (
     residual,
     working_modes,
 )
-from pinsing.loops.closure import BatchLoops, Loops, random_closed
+from pinsing.loops.closure import BatchLoops, Loops, likeness, random_closed, same
 from pinsing.loops.solve import Modes, intervals
-from pinsing.loops.structure import likeness, same
-from pinsing.robot.load_mechanism import Loop
+from pinsing.robot.mechanism import Loop
 
 SHELF = {
     # joints, closure equations written and independent, degrees of freedom

@@ -10,9 +10,8 @@ from urdf_text import J, X, Z, frame, loop_text, stewart, written
 
 import pinsing
 from pinsing.loops import joint_forms, mechanism_at, pose_forms, ranks, refine
-from pinsing.loops.closure import random_closed, residual
+from pinsing.loops.closure import random_closed, residual, without_length
 from pinsing.loops.pose_loci import locus_distance, variables_at
-from pinsing.loops.structure import without_length
 
 BASE = np.array([[0, 0], [1, 0.1], [0.4, 0.9]])
 PLATFORM = np.array([[-0.2, -0.1], [0.25, -0.1], [0, 0.3]])

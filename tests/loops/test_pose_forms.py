@@ -16,7 +16,7 @@ from pinsing.loops.closure import Loops, random_closed
 from pinsing.loops.legs import rods
 from pinsing.loops.pose_loci import PoseRing, _loci, _split, _type1, variables_at
 from pinsing.plot.mechanism import border_field, colors, regions
-from pinsing.robot.load_mechanism import Loop
+from pinsing.robot.mechanism import Loop
 
 mpl.use("agg")
 import matplotlib.pyplot as plt

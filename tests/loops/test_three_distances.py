@@ -7,7 +7,7 @@ from tiers import tiered
 from urdf_text import J, X, frame, loop_text, written
 
 import pinsing
-from pinsing.loops.mode_counts import count_poses, input_loci
+from pinsing.loops.legs import count_poses, input_loci
 
 
 def turned(angle):

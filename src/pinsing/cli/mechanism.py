@@ -370,7 +370,7 @@ def _saved(path: Path, mechanism: Mechanism) -> MechanismAnalysis:
 
 def read(loops: Path, options: dict[str, Any]) -> Mechanism:
     """Return the mechanism that a command's options mean; OptionError for one of arms."""
-    from pinsing.robot.load_mechanism import load_mechanism
+    from pinsing.robot.mechanism import load_mechanism
 
     OptionError.refuse_if(
         wrong := _given(options, _ARM_CHAIN),

@@ -14,7 +14,7 @@ import numpy as np
 from pinsing.algebra.budget import Stages
 from pinsing.arguments import checked, typed
 from pinsing.errors import OptionError
-from pinsing.loops.closure import Ranks, ranks
+from pinsing.loops.closure import Ranks, output_pose, ranks, without_length
 from pinsing.loops.forms import SHORT, JointForms, PoseForms
 from pinsing.loops.joint_loci import joint_forms
 from pinsing.loops.legs import why_no_rods
@@ -43,7 +43,6 @@ from pinsing.loops.solve import (
     intervals,
     working_modes,
 )
-from pinsing.loops.structure import output_pose, without_length
 from pinsing.measures import ROUNDING, Array, ArrayLike
 from pinsing.prose import PLAIN, Page, Span, alarm, caution, formula, good, unbroken
 from pinsing.robot.mechanism import Mechanism

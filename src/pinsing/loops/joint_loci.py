@@ -32,12 +32,7 @@ from pinsing.algebra.minors import determinant
 from pinsing.algebra.real_roots import real_roots
 from pinsing.algebra.ring import Poly, Ring, make_ring, rational
 from pinsing.errors import OptionError
-from pinsing.loops.closure import near_home, random_closed, ranks
-from pinsing.loops.exact import Hinge, LegChain, Row, Turn, cross, dot, rational_turn
-from pinsing.loops.forms import JointForms, JointLocus, PoseEquation, trig_polynomial
-from pinsing.loops.legs import sphere_rods
-from pinsing.loops.pose_loci import squares_note
-from pinsing.loops.structure import (
+from pinsing.loops.closure import (
     PLANE,
     SIZE,
     SPACE,
@@ -46,10 +41,29 @@ from pinsing.loops.structure import (
     at_zero,
     in_room,
     loop_ends,
+    near_home,
+    random_closed,
+    ranks,
     room_of,
     structure,
     without_length,
 )
+from pinsing.loops.forms import (
+    Hinge,
+    JointForms,
+    JointLocus,
+    LegChain,
+    PoseEquation,
+    Row,
+    Turn,
+    cross,
+    dot,
+    rational_turn,
+    trig_polynomial,
+    turn_to,
+)
+from pinsing.loops.legs import sphere_rods
+from pinsing.loops.pose_loci import squares_note
 from pinsing.measures import NOISE, ROUNDING, Array
 from pinsing.robot.mechanism import Mechanism, closing, path_to
 from pinsing.robot.source import kept
@@ -70,7 +84,8 @@ class _ExactTree:
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism, self.zero = mechanism, at_zero(mechanism)
-        self.kind, self.turn, self.centre = room_of(mechanism)
+        self.kind, normal, self.centre = room_of(mechanism)
+        self.turn = rational_turn(turn_to(normal).T)
         self.ring = make_ring(mechanism.prismatic.tolist())
         self.off = 0.0
 
@@ -451,13 +466,11 @@ def leg_proofs(mechanism: Mechanism, seconds: float = 20.0) -> tuple[LegProof, .
         ends = leg_ways(mechanism)
     except NotThisKind as why:
         raise OptionError(f"{mechanism.name}: no leg has a certificate of its own: {why}") from None
-    kind, turn, centre = room_of(mechanism)
+    kind, normal, centre = room_of(mechanism)
     zero = at_zero(mechanism)
     task, out = "position", []
-    if kind == PLANE:
-        normal = np.abs([float(v) for v in turn[2]])
-        if normal.max() >= 1 - ROUNDING:
-            task = ",".join(r for k, r in enumerate(_ROWS) if k != int(np.argmax(normal)))
+    if kind == PLANE and np.abs(normal).max() >= 1 - ROUNDING:
+        task = ",".join(r for k, r in enumerate(_ROWS) if k != int(np.argmax(np.abs(normal))))
     for number, (path, place, _) in enumerate(ends, 1):
         joints, end = (path, place) if kind != SPHERE or place is not None else (
             path[:-1], centre + zero.axis[path[-1]]

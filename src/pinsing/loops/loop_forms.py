@@ -27,9 +27,9 @@ import numpy as np
 from pinsing.algebra.equation import Equation, equation
 from pinsing.algebra.ring import Poly, Ring, make_ring, rational
 from pinsing.errors import OptionError
+from pinsing.loops.closure import at_zero, bodies, groups, plane_axes, position_in
 from pinsing.loops.forms import JointForms
 from pinsing.loops.singular_points import SingularPoint, refine_point
-from pinsing.loops.structure import at_zero, bodies, groups, plane_axes, position_in
 from pinsing.measures import NOISE, Array, ArrayLike
 from pinsing.robot.mechanism import Mechanism, Sample, closing, path_to
 from pinsing.robot.source import kept

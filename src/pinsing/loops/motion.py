@@ -41,17 +41,21 @@ from pinsing.errors import ConfigurationError
 from pinsing.kinematics.jacobian import read_pose as arm_pose
 from pinsing.loops.closure import (
     BatchLoops,
+    Leg,
     Loops,
     ball_jacobians,
     gauss_newton,
+    groups,
     hinge_rates,
+    likeness,
     locked,
     near_home,
     newton,
+    output_pose,
     random_closed,
     ranks,
+    structure,
 )
-from pinsing.loops.structure import Leg, groups, likeness, output_pose, structure
 from pinsing.measures import (
     ALIKE,
     NEAR_RTOL,

@@ -29,15 +29,16 @@ import numpy as np
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.minors import determinant
 from pinsing.algebra.ring import Poly, coefficients_by, divided_by, make_ring, rational
-from pinsing.loops.closure import near_home, random_closed, ranks
-from pinsing.loops.exact import (
-    Row,
-    Vector,
-    cross,
-    dot,
-    exact_points,
-    quaternion_turn,
-    short_fraction,
+from pinsing.loops.closure import (
+    PLANE,
+    SPACE,
+    SPHERE,
+    in_room,
+    near_home,
+    output_pose,
+    random_closed,
+    ranks,
+    structure,
 )
 from pinsing.loops.forms import (
     TURNS,
@@ -45,17 +46,32 @@ from pinsing.loops.forms import (
     PoseFamily,
     PoseForms,
     PoseLocus,
+    Row,
+    Vector,
+    cross,
     determinant_equation,
+    dot,
+    exact_points,
     has_real_points,
     planar_equation,
     pose_equation,
+    quaternion_turn,
     random_variables,
+    short_fraction,
 )
-from pinsing.loops.legs import Rod, Rods, quarter_circles, rods, sphere_rods, written
+from pinsing.loops.legs import (
+    Rod,
+    Rods,
+    input_loci,
+    length_name,
+    point_legs,
+    quarter_circles,
+    rods,
+    sphere_rods,
+    written,
+)
 from pinsing.loops.loop_forms import planar_dyad
-from pinsing.loops.mode_counts import input_loci, length_name, point_legs
 from pinsing.loops.motion import home, pose_of
-from pinsing.loops.structure import PLANE, SPACE, SPHERE, in_room, output_pose, structure
 from pinsing.measures import ROUNDING, Array
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.source import kept

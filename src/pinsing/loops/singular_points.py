@@ -22,9 +22,8 @@ from typing import ClassVar
 import numpy as np
 
 from pinsing.errors import OptionError, PinsingError
-from pinsing.loops.closure import Loops, ranks, to_its_size
+from pinsing.loops.closure import Loops, likeness, ranks, same, to_its_size
 from pinsing.loops.motion import _motions, mode_of
-from pinsing.loops.structure import likeness, same
 from pinsing.measures import ALIKE, ROUNDING, SINGULAR_RTOL, SOLVED, Array, ArrayLike, Bool
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult

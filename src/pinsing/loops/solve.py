@@ -15,10 +15,18 @@ import numpy as np
 
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.loops.closure import BatchLoops, Loops, gauss_newton, ranks
-from pinsing.loops.legs import most_assemblies
+from pinsing.loops.closure import (
+    BatchLoops,
+    Loops,
+    gauss_newton,
+    groups,
+    likeness,
+    output_pose,
+    ranks,
+    structure,
+)
+from pinsing.loops.legs import level_words, most_assemblies, number_of_modes
 from pinsing.loops.loop_forms import planar_dyad
-from pinsing.loops.mode_counts import level_words, number_of_modes
 from pinsing.loops.motion import (
     MANY,
     Pose,
@@ -34,7 +42,6 @@ from pinsing.loops.motion import (
     read_pose,
 )
 from pinsing.loops.singular_points import StoppedError, Trace, refined, trace, turns
-from pinsing.loops.structure import groups, likeness, output_pose, structure
 from pinsing.measures import ALIKE, SEED, SOLVED, Array, ArrayLike, Bool
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult

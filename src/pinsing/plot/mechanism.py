@@ -20,9 +20,10 @@ from matplotlib.patches import Patch
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
 from pinsing.errors import OptionError
-from pinsing.loops.closure import BatchLoops, ranks
+from pinsing.loops.closure import BatchLoops, groups, likeness, output_pose, plane_axes, ranks, same
 from pinsing.loops.joint_loci import joint_forms
 from pinsing.loops.loop_forms import Dyad, LoopForms, loop_forms, planar_dyad
+from pinsing.loops.map import PoseSlice, PoseWay, free_coordinates, pose_slice
 from pinsing.loops.motion import (
     COORDINATES,
     assembly_sign,
@@ -33,7 +34,6 @@ from pinsing.loops.motion import (
     pose_of,
 )
 from pinsing.loops.pose_loci import pose_forms
-from pinsing.loops.pose_slice import PoseSlice, PoseWay, free_coordinates, pose_slice
 from pinsing.loops.singular_points import SingularPoint, Trace, find_singular
 from pinsing.loops.solve import (
     Modes,
@@ -42,7 +42,6 @@ from pinsing.loops.solve import (
     curves,
     working_modes,
 )
-from pinsing.loops.structure import groups, likeness, output_pose, plane_axes, same
 from pinsing.measures import ALIKE, ROUNDING, Array, ArrayLike, Bool, Ints, NDArray
 from pinsing.plot.style import DASHES, pi_ticks, plain, unit
 from pinsing.postures.joint_map import connected

@@ -11,8 +11,8 @@ import numpy as np
 from pinsing.loops import MechanismAnalysis, MechanismState, analyze_mechanism, mechanism_at
 from pinsing.loops.analysis import Line, joint_lines, pose_lines
 from pinsing.loops.loop_forms import planar_dyad
+from pinsing.loops.map import COARSE, free_coordinates, pose_slice
 from pinsing.loops.motion import home
-from pinsing.loops.pose_slice import COARSE, free_coordinates, pose_slice
 from pinsing.loops.solve import (
     InfeasibleError,
     Interval,

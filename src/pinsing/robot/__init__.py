@@ -7,7 +7,7 @@ from pinsing._package import public
 if TYPE_CHECKING:
     from pinsing.robot.arm import Arm as Arm
     from pinsing.robot.load import load as load
-    from pinsing.robot.load_mechanism import (
+    from pinsing.robot.mechanism import (
         Mechanism as Mechanism,
         load_mechanism as load_mechanism,
     )
@@ -18,7 +18,7 @@ public(
     {
         "arm": "Arm",
         "load": "load",
-        "load_mechanism": "Mechanism load_mechanism",
+        "mechanism": "Mechanism load_mechanism",
         "nominal": "Nominal nominal",
     },
     called="pinsing.load(robot)",

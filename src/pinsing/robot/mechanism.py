@@ -1,23 +1,44 @@
-"""Mechanism: a spanning tree with closed loops, actuated and passive joints, and an output."""
+"""Mechanism: a spanning tree with closed loops, actuated and passive joints, and an output.
+
+It is read from a URDF of the spanning tree and a side-car file, YAML in the style of
+gepetto/example-parallel-robots: ``closed_loop`` (pairs of frames that coincide), ``type`` (how they
+do) and ``name_mot`` (the actuated joints); to which pinsing adds ``output`` (whose motion counts)
+and ``home`` (where to start closing the loops).
+
+A URDF has no balls and no universal joints: ``joint_name`` lists joints of the URDF, ``joint_type``
+what they really are (SPHERICAL, UJOINT_XY, ..., FIXED), and they are made others in a new model of
+single turns. A ball becomes turns about x, y and z of the joint's frame, named NAME_X, NAME_Y and
+NAME_Z; a universal joint two of them.
+
+A leg between two balls (S-P-S, S-S) turns about the line of their centres, and so does one whose
+own hinge lies on a line through a ball. That moves nothing else and no actuator holds it: it is no
+freedom of the mechanism. One passive hinge is held where it is at home, and that is said.
+"""
 
 from __future__ import annotations
 
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio as pin
 
 from pinsing.arguments import checked, columns_of, real_numbers
-from pinsing.measures import ROUNDING, Array, ArrayLike, Bool
+from pinsing.description.urdf import NO_LIMITS
+from pinsing.description.xml_tree import suggestion
+from pinsing.description.yaml_tree import YamlNode, compose
+from pinsing.errors import JointError, OptionError, PinsingError
+from pinsing.measures import ALIKE, ROUNDING, Array, ArrayLike, Bool
 from pinsing.notebook import one_line
 from pinsing.robot.chains import frame_index
 from pinsing.robot.joint_space import JointSpace, model_q, require_scale, require_values
 from pinsing.robot.models import joint_axis
-from pinsing.robot.source import Memory, Source, kept
-from pinsing.robot.task import Task
+from pinsing.robot.source import HasModel, Memory, Source, given_file, given_model, kept
+from pinsing.robot.task import ROW_NAMES, Task, parse_task
 
 LOOP_KINDS = {"planar": 2, "3d": 3, "6d": 6}
 """Kinds of closure and how many equations each has."""
@@ -341,3 +362,474 @@ def closing(mechanism: Mechanism) -> tuple[list[int], list[int]]:
     numbers = {f.name: k for k, f in enumerate(mechanism.model.frames)}
     first = [numbers[x.frame_a] for x in mechanism.loops]
     return first, [numbers[x.frame_b] for x in mechanism.loops]
+
+
+def without_idle_spins(mechanism: Mechanism, keep_output: bool = True) -> Mechanism:
+    """Hold one hinge of each link that spins idly, except the output's if ``keep_output``."""
+    held: list[str] = []
+    while (found := _idle(mechanism, keep_output)) is not None:
+        held.append(mechanism.joints[found])
+        # Fixed where it is at home.
+        kept = np.arange(mechanism.n) != found
+        at = mechanism.model_q(np.where(kept, 0.0, mechanism.home))
+        model = pin.buildReducedModel(mechanism.model, [found + 1], at)
+        number = np.cumsum(kept) - 1
+        mechanism = replace(
+            mechanism,
+            model=model,
+            joints=tuple(model.names)[1:],
+            prismatic=mechanism.prismatic[kept],
+            lower=mechanism.lower[kept],
+            upper=mechanism.upper[kept],
+            actuated=tuple(int(number[j]) for j in mechanism.actuated),
+            home=mechanism.home[kept],
+        )
+    if not held:
+        return mechanism
+    spins = "link spins" if len(held) == 1 else "links spin"
+    note = (
+        f"{len(held)} {spins} about the own line, which moves nothing else: held at home is "
+        f"{', '.join(held)}"
+    )
+    return replace(mechanism, notes=(*mechanism.notes, note))
+
+
+class _SpanningTree:
+    """Runs of joints that nothing else is fixed between, their balls, and what loops hold."""
+
+    def __init__(self, mechanism: Mechanism, keep_output: bool) -> None:
+        self.mechanism, model, n = mechanism, mechanism.model, mechanism.n
+        output = int(model.frames[mechanism.output_id].parentJoint) if keep_output else -1
+        after: list[list[int]] = [[] for _ in range(n + 1)]
+        for j in range(n):
+            after[int(model.parents[j + 1])].append(j)
+        # Of each body the frames that loops hold there, those they hold them to, and how.
+        self.cuts: list[list[tuple[int, int, str]]] = [[] for _ in range(n + 1)]
+        for loop, a, b in zip(mechanism.loops, *closing(mechanism), strict=True):
+            for one, two in ((a, b), (b, a)):
+                self.cuts[int(model.frames[one].parentJoint)].append((one, two, loop.kind))
+        rng = np.random.default_rng(2203)
+        # At home a slide may have no length yet.
+        home = np.where(mechanism.prismatic & (mechanism.home == 0), 1.0, mechanism.home)
+        self.samples = [Sample(mechanism, q) for q in (*rng.uniform(0.3, 1.2, (2, n)), home)]
+        self.hinge = [j in mechanism.passive and not mechanism.prismatic[j] for j in range(n)]
+        behind = [
+            after[j + 1][0]
+            if j + 1 != output and not self.cuts[j + 1] and len(after[j + 1]) == 1
+            else None
+            for j in range(n)
+        ]
+        # The run of each joint that ends one, and of each joint its run and place there.
+        self.runs: dict[int, list[int]] = {}
+        self.place: dict[int, tuple[list[int], int]] = {}
+        for j in (j for j in range(n) if j not in behind):
+            run = [j]
+            while (following := behind[run[-1]]) is not None:
+                run.append(following)
+            self.runs[run[-1]] = run
+            self.place |= {joint: (run, k) for k, joint in enumerate(run)}
+        # Runs that end in one loop and nothing else.
+        self.ends = {
+            j: self.cuts[j + 1][0]
+            for j in self.runs
+            if j + 1 != output and not after[j + 1] and len(self.cuts[j + 1]) == 1
+        }
+        # By its first joint, three passive hinges, and the points (samples, 3) where axes meet.
+        self.balls: dict[int, Array] = {}
+        for joint, (run, k) in self.place.items():
+            three = run[k : k + 3]
+            if len(three) == 3 and all(self.hinge[j] for j in three):
+                axes = [s.axis[three] for s in self.samples]
+                points = [s.origins[three] for s in self.samples]
+                found = [p for p in map(meeting_point, axes, points) if p is not None]
+                if len(found) == len(axes) and np.abs(np.linalg.det(axes)).max() > ALIKE:
+                    self.balls[joint] = np.array(found)
+
+    def far(self, joint: int) -> Array | None:
+        """Centre (samples, 3) of the next ball outwards from the body of a joint."""
+        run, k = self.place[joint]
+        for j in run[k + 1 :]:
+            if j in self.balls:
+                return self.balls[j]
+        a, b, kind = self.ends.get(run[-1], (0, 0, ""))
+        if kind == "3d":
+            return np.array([s.frames[a].translation for s in self.samples])
+        # The first ball on the other side of a weld, seen from this side.
+        other = int(self.mechanism.model.frames[b].parentJoint) - 1
+        if kind != "6d" or self.ends.get(other, ("", "", ""))[2] != "6d":
+            return None
+        centre = self.near(other)
+        if centre is None:
+            return None
+        pairs = zip(self.samples, centre, strict=True)
+        return np.array([s.frames[a].act(s.frames[b].actInv(c)) for s, c in pairs])
+
+    def near(self, joint: int) -> Array | None:
+        """Centre (samples, 3) of the next ball inwards, of which ``joint`` may be the last."""
+        run, k = self.place[joint]
+        found = [self.balls[j] for j in run[: max(k - 1, 0)] if j in self.balls]
+        return found[-1] if found else None
+
+
+def _idle(mechanism: Mechanism, keep_output: bool) -> int | None:
+    """A hinge to hold, or None where no link spins idly."""
+    tree = _SpanningTree(mechanism, keep_output)
+    for first in sorted(tree.balls):
+        run, k = tree.place[first]
+        if (far := tree.far(run[k + 2])) is not None:
+            return _best(tree, run[k : k + 3], tree.balls[first], far)
+    for joint in (j for j, turns in enumerate(tree.hinge) if turns):
+        run, k = tree.place[joint]
+        balls = tree.far(joint), tree.near(run[k - 1]) if k else None
+        if any(_through(tree, joint, ball) for ball in balls) or _twice(tree, joint):
+            return joint
+    return None
+
+
+def _twice(tree: _SpanningTree, joint: int) -> bool:
+    """Whether a hinge is written twice: a weld holds its link to another's on the same axis."""
+    a, b, kind = tree.ends.get(joint, (0, 0, ""))
+    model = tree.mechanism.model
+    other = int(model.frames[b].parentJoint) - 1
+    if kind != "6d" or other < 0 or not tree.hinge[other]:
+        return False
+    if len(tree.cuts[other + 1]) != 1 or len(model.children[other + 1]):
+        return False
+    lines, s = [], tree.samples[0]
+    for frame, one in ((a, joint), (b, other)):
+        axis = s.frames[frame].rotation.T @ s.axis[one]
+        at = s.frames[frame].actInv(s.origins[one])
+        lines.append(np.concatenate([axis, np.cross(at, axis)]))
+    gaps = (np.abs(lines[0] + side * lines[1]).max() for side in (1, -1))
+    return bool(min(gaps) <= ROUNDING)
+
+
+def _best(tree: _SpanningTree, run: Sequence[int], near: Array, far: Array) -> int:
+    """Return the hinge of a ball to hold."""
+    # The others point the link, everywhere if it is across the second and that across the first,
+    # and at home they should move it two ways.
+    scores = []
+    for k in range(3):
+        a, b = (j for i, j in enumerate(run) if i != k)
+        square, spread = True, 0.0
+        for s, away in zip(tree.samples, far - near, strict=True):
+            along = away / max(float(np.linalg.norm(away)), ROUNDING)
+            square &= max(abs(s.axis[b] @ along), abs(s.axis[a] @ s.axis[b])) <= ALIKE
+            # The last sample is home.
+            spread = abs(float(np.linalg.det([s.axis[a], s.axis[b], along])))
+        scores.append((square, round(spread, 6), k))
+    return run[max(scores)[2]]
+
+
+def _through(tree: _SpanningTree, joint: int, points: Array | None) -> bool:
+    """Whether a hinge's axis passes through a ball at an end of its link."""
+    return points is not None and all(
+        float(np.linalg.norm(np.cross(p - s.origins[joint], s.axis[joint])))
+        <= ROUNDING * max(1.0, float(np.abs(p).max()))
+        for s, p in zip(tree.samples, points, strict=True)
+    )
+
+
+_TURNS = {
+    "SPHERICAL": "XYZ",
+    "CARDAN": "XY",
+    **{f"UJOINT_{a}{b}": a + b for a in "XYZ" for b in "XYZ" if a != b},
+    "FIXED": "",
+}
+
+
+def replaced_joints(model: pin.Model, keys: dict[str, YamlNode]) -> pin.Model:
+    """Return the model with joints replaced as ``joint_name`` and ``joint_type`` list them."""
+    for one, other in (("joint_name", "joint_type"), ("joint_type", "joint_name")):
+        if one not in keys:
+            raise keys[other].error(f"missing key {one!r}: {other} needs it beside it")
+    names, kinds = (_entries(keys[k]) for k in ("joint_name", "joint_type"))
+    keys["joint_type"].refuse_if(
+        len(names) != len(kinds), f"{len(names)} joints need {len(names)} types, found {len(kinds)}"
+    )
+    wanted: dict[str, str] = {}
+    known = tuple(model.names)[1:]
+    for name, kind in zip(names, kinds, strict=True):
+        text, word = name.text(), kind.text().upper()
+        if text not in known:
+            raise name.error(f"unknown joint {text[:60]!r}: {suggestion(text, known)}")
+        if text in wanted:
+            raise name.error(f"joint {text!r} is given twice: remove one")
+        if word not in _TURNS:
+            raise kind.error(f"unknown value {word[:60]!r}: {suggestion(word, tuple(_TURNS))}")
+        wanted[text] = _TURNS[word]
+    return _rebuilt(model, wanted) if wanted else model
+
+
+def _entries(node: YamlNode) -> list[YamlNode]:
+    """Entries of a list that may be empty."""
+    return [] if node.empty_list else node.items("joint")
+
+
+def _rebuilt(model: pin.Model, wanted: dict[str, str]) -> pin.Model:
+    """The model with joints made others."""
+    out = pin.Model()
+    out.name = model.name
+    # Where a joint of the old model is carried now: joint, and the place of its frame there.
+    where: list[tuple[int, pin.SE3]] = [(0, pin.SE3.Identity())]
+    for k in range(1, model.njoints):
+        name, joint = model.names[k], model.joints[k]
+        parent, at = where[int(model.parents[k])]
+        place = at * model.jointPlacements[k]
+        if name not in wanted:
+            low, high = (
+                np.array(x[joint.idx_q : joint.idx_q + joint.nq])
+                for x in (model.lowerPositionLimit, model.upperPositionLimit)
+            )
+            speed = np.array(model.velocityLimit[joint.idx_v : joint.idx_v + joint.nv])
+            effort = np.array(model.effortLimit[joint.idx_v : joint.idx_v + joint.nv])
+            index = out.addJoint(parent, joint, place, name, effort, speed, low, high)
+            where.append((index, pin.SE3.Identity()))
+            continue
+        for axis in wanted[name]:
+            turn = getattr(pin, f"JointModelRUB{axis}")()
+            parent = out.addJoint(parent, turn, place, f"{name}_{axis}")
+            place = pin.SE3.Identity()
+        # A fixed joint leaves its place to what it carries.
+        where.append((parent, place))
+    for frame in list(model.frames)[1:]:
+        parent, at = where[int(frame.parentJoint)]
+        out.addFrame(pin.Frame(frame.name, parent, 0, at * frame.placement, frame.type), False)
+    PinsingError.refuse_if(
+        out.njoints == 1, f"{model.name}: all joints are FIXED in the loop file: nothing moves"
+    )
+    return out
+
+
+@checked
+def load_mechanism(
+    robot: str | os.PathLike[str] | pin.Model | HasModel,
+    loops: str | os.PathLike[str] | None = None,
+    packages: Mapping[str, str | Path] | None = None,
+    *,
+    length_scale: float = 1.0,
+) -> Mechanism:
+    """Read a spanning tree and the loops that close it.
+
+    Parameters
+    ----------
+    robot : str, path, pin.Model or object with ``.model``
+        A URDF or xacro file, the name of a known robot, the text of a URDF, or a model.
+    loops : path, optional
+        The side-car file; by default ``NAME.loops.yaml`` beside ``NAME.urdf``.
+    packages : mapping of str to path, optional
+        Folders of ROS packages by name.
+    length_scale : float
+        Metres; lengths are divided by it before singular values are taken.
+
+    Returns
+    -------
+    Mechanism
+        With everything that was assumed in ``mechanism.notes``.
+
+    Raises
+    ------
+    PinsingError
+        RobotFileError with file and line where the side-car or the tree is wrong, UnknownNameError,
+        JointError or OptionError: one line that says what is wrong, where, and what to do.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> mechanism = pinsing.load_mechanism("five_bar")
+    >>> mechanism.n, mechanism.inputs
+    (4, ('q1', 'q2'))
+    """
+    model, source, name, notes, follow = _tree(robot, packages)
+    if loops is None:
+        if source.path is None:
+            raise OptionError("a loop file is needed: give the path of a .loops.yaml file")
+        loops = source.path.with_name(source.path.name.partition(".")[0] + ".loops.yaml")
+    path = Path(loops)
+    keys = compose(path).mapping(
+        ("closed_loop", "type", "name_mot"),
+        ("output", "home", "name", "source", "joint_name", "joint_type"),
+    )
+    if "joint_name" in keys or "joint_type" in keys:
+        model = replaced_joints(model, keys)
+    lower, upper, prismatic = _limits(model)
+    joints = tuple(model.names)[1:]
+    frame, rows, said = _output(keys, model)
+    closed = _loops(keys["closed_loop"], keys["type"], model)
+    _check_on_loop(model, frame, closed, keys.get("output", keys["closed_loop"]))
+    actuated = _actuated(keys["name_mot"], joints)
+    for j in follow:
+        JointError.refuse_if(
+            j not in [joints[k] for k in actuated],
+            j,
+            "mimics another joint, which loops do not support: model it as a loop, or "
+            "drive it (name_mot)",
+        )
+    home = np.zeros(len(joints))
+    if "home" in keys:
+        for j, value in keys["home"].mapping((), joints).items():
+            home[joints.index(j)] = value.number(pi=0)
+    made = Mechanism(
+        name=keys["name"].text() if "name" in keys else name,
+        model=model,
+        joints=joints,
+        prismatic=prismatic,
+        lower=lower,
+        upper=upper,
+        actuated=actuated,
+        loops=closed,
+        output=frame,
+        task=rows,
+        length_scale=float(length_scale),
+        home=home,
+        notes=(*notes, *said),
+        source=source,
+        loop_file=path,
+    )
+    # An output that nobody named may be on a link that spins.
+    return without_idle_spins(made, keep_output="output" in keys)
+
+
+def _output(keys: dict[str, YamlNode], model: pin.Model) -> tuple[str, Task, tuple[str, ...]]:
+    """Frame and rows of the output; files made for other programs name none."""
+    if "output" in keys:
+        output = keys["output"].mapping(("frame", "rows"))
+        name = _frame(output["frame"], model)
+        rows = [entry.choice(ROW_NAMES) for entry in output["rows"].items("row")]
+        try:
+            return name, parse_task(rows), ()
+        except PinsingError as error:
+            raise output["rows"].error(str(error)) from None
+    name = _frame(keys["closed_loop"].items("loop")[0].items("frame", 2)[0], model)
+    note = (
+        f"the loop file names no output: taken is {name}, the first frame of the first loop, with "
+        "all six rows; add output: {frame: NAME, rows: [vx, vy, ...]}"
+    )
+    return name, parse_task("pose"), (note,)
+
+
+def _check_on_loop(model: pin.Model, output: str, loops: tuple[Loop, ...], node: YamlNode) -> None:
+    """Raise unless a joint of some loop carries the output."""
+
+    def path(frame: str) -> set[int]:
+        return {*model.supports[model.frames[frame_index(model, frame)].parentJoint]} - {0}
+
+    node.refuse_if(
+        not (carried := path(output)),
+        f"the output {output!r} is fixed to the base: name a frame that moves",
+    )
+    node.refuse_if(
+        not any(carried & (path(x.frame_a) ^ path(x.frame_b)) for x in loops),
+        f"the output {output!r} is on no loop: no joint that the loops hold carries it; name a "
+        "frame of a link between two ends of a loop",
+    )
+
+
+def _tree(
+    robot: Any, packages: Mapping[str, str | Path] | None
+) -> tuple[pin.Model, Source, str, tuple[str, ...], tuple[str, ...]]:
+    """What a robot's own description says; last its notes, and joints that mimic others there."""
+    model = given_model(robot)
+    follows: tuple[str, ...] = ()
+    if model is not None:
+        label, path, shapes, name = "pin.Model", None, None, model.name or "mechanism"
+        notes: tuple[str, ...] = ()
+    else:
+        from pinsing.robot.models import build_model
+
+        given = given_file(robot, packages)
+        description = given.description
+        moving = [j for j in description.joints if j.kind != "fixed"]
+        description.require_usable(j.name for j in moving if not j.endless)
+        model = build_model(description)
+        endless = tuple(j.name for j in moving if j.endless)
+        for j in endless:  # Pinocchio was given [0, 0] for joints without any limits
+            index = model.joints[model.getJointId(j)].idx_q
+            model.lowerPositionLimit[index], model.upperPositionLimit[index] = -np.inf, np.inf
+        follows = tuple(j.name for j in moving if j.mimic is not None)
+        label, path, shapes = given.label, given.path, description.shapes
+        name = description.name
+        # What the description says of such joints holds for arms, which need limits.
+        notes = tuple(x for x in description.assumed if not (endless and x.startswith(NO_LIMITS)))
+        if endless:
+            notes = (*notes, f"no usable limits, so they move without end: {', '.join(endless)}")
+    source = Source(
+        label=label,
+        path=path,
+        shapes=shapes,
+        full_model=model,
+        locked=(),
+        kept=tuple(range(1, model.njoints)),
+        reference=np.array(pin.neutral(model)),
+        base="universe",
+    )
+    return model, source, name, notes, follows
+
+
+def _limits(model: pin.Model) -> tuple[Array, Array, Bool]:
+    lower, upper, prismatic = [], [], []
+    for index in range(1, model.njoints):
+        joint, name = model.joints[index], model.names[index]
+        JointError.refuse_if(
+            joint.nv != 1,
+            name,
+            f"is a {joint.shortname()}: joints of a mechanism must be revolute or prismatic",
+        )
+        _, slides = joint_axis(joint, name)
+        low, high = -np.inf, np.inf
+        if joint.nq == 1:
+            low = float(model.lowerPositionLimit[joint.idx_q])
+            high = float(model.upperPositionLimit[joint.idx_q])
+        # Pinocchio writes the largest double for "no limit".
+        lower.append(low if abs(low) < 1e300 else -np.inf)
+        upper.append(high if abs(high) < 1e300 else np.inf)
+        prismatic.append(slides)
+    return np.array(lower), np.array(upper), np.array(prismatic, dtype=bool)
+
+
+def _frame(node: YamlNode, model: pin.Model) -> str:
+    name = node.text()
+    names = [frame.name for frame in model.frames if frame.name != "universe"]
+    if name not in names:
+        raise node.error(f"unknown frame {name[:60]!r}: {suggestion(name, names)}")
+    return name
+
+
+def _loops(pairs: YamlNode, kinds: YamlNode, model: pin.Model) -> tuple[Loop, ...]:
+    frames = [entry.items("frame", 2) for entry in pairs.items("loop")]
+    names = tuple(LOOP_KINDS)
+    words = []
+    for kind in kinds.items("type"):
+        word = kind.text().lower()
+        if word not in names:
+            raise kind.error(f"unknown value {kind.text()[:60]!r}: {suggestion(word, names)}")
+        words.append(word)
+    kinds.refuse_if(
+        len(words) != len(frames),
+        f"{len(frames)} loops need {len(frames)} types, found {len(words)}",
+    )
+    found = []
+    for (a, b), word in zip(frames, words, strict=True):
+        loop = Loop(_frame(a, model), _frame(b, model), word)
+        ids = [frame_index(model, name) for name in (loop.frame_a, loop.frame_b)]
+        a.refuse_if(
+            model.frames[ids[0]].parentJoint == model.frames[ids[1]].parentJoint,
+            f"{loop.frame_a!r} and {loop.frame_b!r} are fixed to the same link",
+        )
+        found.append(loop)
+    return tuple(found)
+
+
+def _actuated(node: YamlNode, joints: tuple[str, ...]) -> tuple[int, ...]:
+    found: list[int] = []
+    for entry in node.items("joint"):
+        name = entry.text()
+        if name not in joints:
+            raise entry.error(f"unknown joint {name[:60]!r}: {suggestion(name, joints)}")
+        if joints.index(name) in found:
+            raise entry.error(f"joint {name!r} is given twice: remove one")
+        found.append(joints.index(name))
+    node.refuse_if(
+        len(found) == len(joints), "every joint is actuated: a closed loop needs passive joints"
+    )
+    return tuple(found)

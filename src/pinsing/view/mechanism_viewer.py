@@ -11,19 +11,21 @@ import numpy as np
 
 from pinsing.errors import OptionError
 from pinsing.loops.analysis import MechanismAnalysis, analyze_mechanism
-from pinsing.loops.closure import hinged_balls, random_closed, ranks
+from pinsing.loops.closure import (
+    at_zero,
+    extent,
+    groups as alike_groups,
+    hinged_balls,
+    plane_normal,
+    random_closed,
+    ranks,
+    structure,
+)
 from pinsing.loops.motion import assembly_rows, elbow_sines, elbows, home, led_pose, mechanism_at
 from pinsing.loops.singular_points import SingularPoint
 from pinsing.loops.solve import (
     assemblies,
     drive,
-)
-from pinsing.loops.structure import (
-    at_zero,
-    extent,
-    groups as alike_groups,
-    plane_normal,
-    structure,
 )
 from pinsing.measures import ALIKE, NEAR_RTOL, ROUNDING, SINGULAR_RTOL, Array, ArrayLike
 from pinsing.robot.mechanism import Mechanism, closing
