@@ -17,9 +17,9 @@ import pinsing
 from pinsing.algebra.nearest import two_sided
 from pinsing.kinematics import singular_values
 from pinsing.kinematics.tip_speed import SpeedJudge
-from pinsing.postures.zone_search import Region
 from pinsing.proximity import Zones
-from pinsing.proximity.watched import watch
+from pinsing.proximity.clearance import watch
+from pinsing.proximity.zones import Region
 
 CHUNK = 200_000
 

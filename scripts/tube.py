@@ -24,7 +24,7 @@ import pinsing
 from pinsing.algebra.nearest import two_sided
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.measures import Chain
-from pinsing.proximity.watched import watch
+from pinsing.proximity.clearance import watch
 from pinsing.robot.chain import chain_model, flatten
 
 ARMS = ("ur5e", "puma560", "irb1400", "iiwa14", "panda")

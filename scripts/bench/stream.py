@@ -35,7 +35,7 @@ from pathlib import Path
 import numpy as np
 
 import pinsing
-from pinsing.proximity.follow import Follower, follow, lines_of
+from pinsing.proximity.monitor import Follower, follow, lines_of
 
 
 def produce(robot: str, seconds: float, rate: float) -> None:

@@ -15,10 +15,9 @@ import pinsing
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.mimic import own_jacobian_modulo
 from pinsing.algebra.minors import NearMinors
-from pinsing.families.nearness import OwnPoints
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.solve import joint_symbols
-from pinsing.families.zero_set import SearchBox
+from pinsing.families.zero_set import OwnPoints, SearchBox
 from pinsing.kinematics.jacobian import task_jacobians
 from pinsing.kinematics.verdict import ratios
 from pinsing.robot.nominal import PRIMES, nominal

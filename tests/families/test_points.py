@@ -14,13 +14,12 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.conditions import Branch
 from pinsing.algebra.equation import equation
 from pinsing.algebra.ring import make_ring
-from pinsing.families import closed_form
+from pinsing.families import closed_form, zero_set
 from pinsing.families.describe import describe
 from pinsing.families.form import families_text
-from pinsing.families.nearness import OwnPoints, own_drawn
 from pinsing.families.solve import joint_symbols
 from pinsing.families.steps import ComponentSearch
-from pinsing.families.zero_set import SearchBox, System, fix_joint, project, search
+from pinsing.families.zero_set import OwnPoints, SearchBox, System, project, search
 from pinsing.kinematics.jacobian import generic_rank
 from pinsing.kinematics.verdict import ratios
 from pinsing.robot.joint_space import JointSpace
@@ -55,7 +54,7 @@ def test_an_equation_that_all_but_cancels_says_how_accurate_it_is(rng):
     equations = system("g1", tip="left_rubber_hand", base="torso_link")
     e = equations[0]
     n, joint = e.frequencies.shape[1], e.involved[0]
-    fixed = fix_joint(e, joint, 0.7)
+    fixed = zero_set.fix_joint(e, joint, 0.7)
     assert e.accuracy <= fixed.accuracy < 1e-13
     Q = rng.uniform(-2, 2, (5, n))
     Q[:, joint] = 0.7
@@ -92,7 +91,7 @@ def test_a_small_residual_is_not_yet_on_the_set(rng):
     high = np.full(2, np.pi)
     space = JointSpace(("q1", "q2"), np.zeros(2, dtype=bool), -high, high, 1.0)
     held = [(branch, SearchBox.of(branch, -high, high))]
-    q = own_drawn(held, space, False, Near(), 10, rng, None)
+    q = zero_set.own_drawn(held, space, False, Near(), 10, rng, None)
     assert len(q) == 10
     assert np.abs(q[:, 0]).max() < 2e-5
 

@@ -1,11 +1,11 @@
-"""`pinsing.kinematics.speed_bounds` once more, in NumPy: what the kernel is held to."""
+"""`pinsing.proximity.zones` once more, in NumPy: what the kernel is held to."""
 
 import math
 
 import numpy as np
 
-from pinsing.kinematics.speed_bounds import BoxSpeeds, SpeedBounds, sums_behind
 from pinsing.measures import NOISE
+from pinsing.proximity.zones import BoxSpeeds, SpeedBounds, sums_behind
 
 
 class PlainBounds(SpeedBounds):

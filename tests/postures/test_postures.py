@@ -16,7 +16,7 @@ from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.newton import one_sheet, regular_way
 from pinsing.postures.boxes import Ground, on_boxes, slope, sum_of
 from pinsing.postures.joint_map import Divided, Wheel, partition, subdivide
-from pinsing.proximity.watched import watch
+from pinsing.proximity.clearance import watch
 
 # Counts of the literature's method, on whole circles and within the limits.
 COUNTS = {

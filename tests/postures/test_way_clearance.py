@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pinsing
-from pinsing.postures.connection import least, raised
+from pinsing.postures.aspects import least, raised
 
 
 @pytest.fixture(scope="module")

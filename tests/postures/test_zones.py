@@ -16,9 +16,9 @@ from pinsing.algebra.nearest import two_sided
 from pinsing.errors import OptionError
 from pinsing.kinematics.jacobian import frame_jacobians, tip_poses
 from pinsing.kinematics.tip_speed import SpeedJudge
-from pinsing.postures import zone_search
-from pinsing.postures.zone_search import Region, parts_of
-from pinsing.proximity.watched import watch
+from pinsing.proximity import zones as zone_search
+from pinsing.proximity.clearance import watch
+from pinsing.proximity.zones import Region, parts_of
 from pinsing.robot.chain import chain_model, flatten
 
 CASES = [

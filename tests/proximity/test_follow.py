@@ -14,7 +14,7 @@ from urdf_texts import LIMIT
 
 import pinsing
 from pinsing.kinematics import tip_speeds
-from pinsing.proximity.follow import BACKLOG, Follower, HeadError, Reader, follow, latest, lines_of
+from pinsing.proximity.monitor import BACKLOG, Follower, HeadError, Reader, follow, latest, lines_of
 
 Q = np.array([0.0, -1.2, 1.3, -1.0, 0.15, 0.0])
 SPEED = np.array([0.0, 0.0, 0.0, 0.0, -0.3, 0.0])

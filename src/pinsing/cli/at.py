@@ -144,8 +144,8 @@ def _answer(
     from pinsing.arguments import typed
     from pinsing.kinematics.ladder import posture_names
     from pinsing.measures import ALIKE
+    from pinsing.proximity.clearance import titled, watch
     from pinsing.proximity.trajectory import singularity
-    from pinsing.proximity.watched import titled, watch
 
     arm, near = state.arm, () if found is None else found[1].families
     watched = None if found is None else watch(found[0])

@@ -262,7 +262,7 @@ def _followed(
     """Judge each line that comes. A plain file is read whole; of a live stream, old lines go."""
     from pinsing._batch import engine
     from pinsing.families import closed_form
-    from pinsing.proximity.follow import Follower, follow
+    from pinsing.proximity.monitor import Follower, follow
 
     if not engine.available():
         say("note: without the compiled kernel a verdict may take half a second")

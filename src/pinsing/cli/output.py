@@ -164,7 +164,7 @@ def guard_streams() -> None:
 @contextlib.contextmanager
 def followed(file: Path) -> Iterator[tuple[Iterator[str], bool]]:
     """Open a stream of lines, - for standard input; with it, if it is one that goes on."""
-    from pinsing.proximity.follow import lines_of
+    from pinsing.proximity.monitor import lines_of
 
     typed = str(file) == "-"
     try:

@@ -307,7 +307,7 @@ def _way(stations: list[Array]) -> Array:
 def _families(arm: Arm, names: tuple[str, ...]) -> list[Family]:
     """The families of these names or titles."""
     from pinsing.families import closed_form
-    from pinsing.proximity.watched import watch
+    from pinsing.proximity.clearance import watch
 
     return list(watch(closed_form(arm, prove=False), names).families)
 

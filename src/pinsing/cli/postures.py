@@ -118,7 +118,7 @@ def cuspidal_command(
     """
     arm = request.load()
     from pinsing.families import closed_form
-    from pinsing.postures.cuspidal import cuspidality
+    from pinsing.postures.changes import cuspidality
 
     with doing("trying random poses"):
         found = cuspidality(arm, forms=closed_form(arm), poses=poses, seed=seed)

@@ -168,7 +168,7 @@ def view_command(
 def _lead(viewer: Viewer, file: Path, degrees: bool | None) -> None:
     """Show what comes, the newest of it; say what cannot be read, silences and the end."""
     # A file with times is played at them, one without picture by picture.
-    from pinsing.proximity.follow import STALLED, Reader, latest
+    from pinsing.proximity.monitor import STALLED, Reader, latest
 
     reader, skipped, problem, q = Reader(viewer.arm, degrees, say), 0, "", viewer.q
     # The clock where the file's is 0, and the file's time of the last picture.

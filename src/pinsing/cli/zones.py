@@ -88,7 +88,7 @@ def zones_command(
     """
     arm = request.load()
     from pinsing.families.solve import form_to_measure
-    from pinsing.postures.zone_search import BOXES, bounds_of, is_of_tip, parts_of, zones
+    from pinsing.proximity.zones import BOXES, bounds_of, is_of_tip, parts_of, zones
 
     speeds = typed_speeds(arm, joint_speeds, turn_speed, deg)
     bounds_of(arm, tip_speed, turn_speed, speeds)  # refuses before the families are looked for

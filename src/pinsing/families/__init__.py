@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     )
     from pinsing.families.family import Family as Family
     from pinsing.families.form import ClosedForm as ClosedForm, Proof as Proof
-    from pinsing.families.nearness import Distance as Distance
     from pinsing.families.solve import closed_form as closed_form, joint_symbols as joint_symbols
+    from pinsing.families.zero_set import Distance as Distance
 
 public(
     __name__,
@@ -27,7 +27,7 @@ public(
         "design_form": "DesignChange DesignFamily DesignForm",
         "family": "Family",
         "form": "ClosedForm Proof",
-        "nearness": "Distance",
+        "zero_set": "Distance",
         "solve": "closed_form joint_symbols",
     },
     called="pinsing.closed_form(arm).families",

@@ -40,9 +40,16 @@ from pinsing.algebra.equation import LATEX, PLAIN, Equation, latex_symbol
 from pinsing.algebra.nearest import two_sided
 from pinsing.families.at_once import LONG, at_once, long_form, long_ones, solved_for
 from pinsing.families.family import Family, KindPart, ValueReach, values_reached
-from pinsing.families.nearness import OwnPoints, near
 from pinsing.families.pieces import PieceMaker, SolvedPiece
-from pinsing.families.zero_set import Stop, gradients, project, proven_empty, residuals
+from pinsing.families.zero_set import (
+    OwnPoints,
+    Stop,
+    gradients,
+    near,
+    project,
+    proven_empty,
+    residuals,
+)
 from pinsing.kinematics.at import Loss, State, loss_at
 from pinsing.kinematics.batch import batch
 from pinsing.kinematics.jacobian import frame_jacobians

@@ -22,8 +22,7 @@ from pinsing.algebra.ring import MadeOnce, Poly, Ring, terms_of
 from pinsing.algebra.trig_sum import TINY
 from pinsing.arguments import typed
 from pinsing.families.family import Family
-from pinsing.families.nearness import BLUNT, OwnPoints
-from pinsing.families.zero_set import SearchBox, thrown
+from pinsing.families.zero_set import BLUNT, OwnPoints, SearchBox, thrown
 from pinsing.measures import ALIKE, FLOAT_NOISE, Array
 from pinsing.robot.nominal import Nominal
 

@@ -21,8 +21,18 @@ from pinsing.algebra.nearest import BOXES, GAP, SearchOptions
 from pinsing.arguments import checked, columns_of, real_numbers, whole_number
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.families.at_once import LONG, AtOnce, SolvedFor, long_form, long_ones
-from pinsing.families.nearness import Distance, OwnPoints, near, nearest, own_drawn, own_nearest
-from pinsing.families.zero_set import ROUNDS, SearchBox, Stop, search
+from pinsing.families.zero_set import (
+    ROUNDS,
+    Distance,
+    OwnPoints,
+    SearchBox,
+    Stop,
+    near,
+    nearest,
+    own_drawn,
+    own_nearest,
+    search,
+)
 from pinsing.measures import ROUNDING, Array, ArrayLike, Bool, Reachability
 from pinsing.notebook import formula, legend, marked, name, table, text
 from pinsing.prose import listed

@@ -23,9 +23,9 @@ from pinsing.algebra.real_roots import (
     real_solutions,
 )
 from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value
-from pinsing.families.nearness import OwnPoints
 from pinsing.families.zero_set import (
     ROUNDS,
+    OwnPoints,
     SearchBox,
     fix_joint,
     never_zero,

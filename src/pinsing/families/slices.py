@@ -48,10 +48,9 @@ from pinsing.families.modular_chain import (
     short_everywhere,
     value_modulo,
 )
-from pinsing.families.nearness import BLUNT, OwnPoints
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.proof_forms import roots_in
-from pinsing.families.zero_set import SearchBox
+from pinsing.families.zero_set import BLUNT, OwnPoints, SearchBox
 from pinsing.measures import Array, Bool, Ints
 from pinsing.robot.nominal import Nominal
 from pinsing.robot.surd import root_modulo

@@ -38,9 +38,9 @@ from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.families.long_chain import LongChain, gaps
-from pinsing.families.nearness import OwnPoints
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.slices import RandomSingular, SliceCount, SliceSearch
+from pinsing.families.zero_set import OwnPoints
 from pinsing.measures import NDArray
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import IDENTITY, Nominal

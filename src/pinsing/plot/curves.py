@@ -30,9 +30,8 @@ from pinsing.plot.style import (
     unit,
 )
 from pinsing.postures.toolpath import PathPlan
-from pinsing.proximity.clearance import clearance, quick
+from pinsing.proximity.clearance import Forms, clearance, quick, watch
 from pinsing.proximity.crossings import Crossing, crossings, crossings_of, motion_of
-from pinsing.proximity.watched import Forms, watch
 from pinsing.robot.arm import Arm, ArmSummary
 from pinsing.robot.nominal import nominal
 from pinsing.sampling.sweeps import SweepCurve, SweepResult

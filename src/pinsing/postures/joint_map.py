@@ -49,9 +49,8 @@ from pinsing.algebra.trig_sum import TrigSum
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.measures import PRACTICAL, Array, ArrayLike, Bool, Ints, NDArray
 from pinsing.postures.boxes import Ground, Leaves, is_regular, on_boxes, sum_of
-from pinsing.proximity.clearance import quick
+from pinsing.proximity.clearance import Forms, Watched, quick, watch
 from pinsing.proximity.crossings import crossings_of, motion_of
-from pinsing.proximity.watched import Forms, Watched, watch
 
 DEEPEST = 14
 """How often boxes are halved at most."""

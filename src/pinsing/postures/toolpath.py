@@ -33,12 +33,10 @@ from pinsing.kinematics.tip_speed import limits_of
 from pinsing.measures import PRACTICAL, ROUNDING, Array, ArrayLike, Bool, Ints
 from pinsing.notebook import one_line
 from pinsing.postures.placement import TRIED, WorkpiecePlacement, check_ranges, place_at, search
-from pinsing.postures.zone_search import Region
 from pinsing.prose import listed
-from pinsing.proximity.clearance import CLOSE, certified, clearance, quick
-from pinsing.proximity.crossings import crossings
-from pinsing.proximity.passage import BISECTED, least_along
-from pinsing.proximity.watched import titled, watch
+from pinsing.proximity.clearance import CLOSE, certified, clearance, quick, titled, watch
+from pinsing.proximity.crossings import BISECTED, crossings, least_along
+from pinsing.proximity.zones import Region
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.serialization import JsonResult
 

@@ -23,7 +23,7 @@ from pinsing.families import Family, closed_form
 from pinsing.kinematics.verdict import fingerprint
 from pinsing.measures import ROUNDING, Array, NDArray
 from pinsing.prose import visible
-from pinsing.proximity.watched import Forms, each_of, every_name, require_forms_of, watch
+from pinsing.proximity.clearance import Forms, each_of, every_name, require_forms_of, watch
 from pinsing.proximity.zones import Zones, zone_distances
 from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.nominal import nominal

@@ -19,10 +19,9 @@ from pinsing.kinematics.tip_speed import check_speeds, limits_of
 from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
 from pinsing.measures import ALIKE, FLOAT_NOISE, Array, ArrayLike
 from pinsing.prose import LISTED, listed
-from pinsing.proximity.crossings import Crossing, runs
-from pinsing.proximity.passage import Approach, NearStretch, Passage
+from pinsing.proximity.clearance import Forms, Watched, metric_note, require_forms_of, titled, watch
+from pinsing.proximity.crossings import Approach, Crossing, NearStretch, Passage, runs
 from pinsing.proximity.trajectory import NEAR, OUTSIDE, angle_text, singularity
-from pinsing.proximity.watched import Forms, Watched, metric_note, require_forms_of, titled, watch
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.serialization import JsonResult
 

@@ -1,10 +1,18 @@
-"""Monitor: how far a running arm is from its singular configurations, tick by tick."""
+"""Monitor: how far a running arm is from its singular configurations, tick by tick.
+
+`Follower` reads configurations line by line, and gives a verdict of each.
+"""
 
 from __future__ import annotations
 
+import io
+import json
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+import re
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -14,17 +22,36 @@ from pinsing._batch import engine
 from pinsing.algebra.conditions import contact_along
 from pinsing.algebra.nearest import two_sided
 from pinsing.arguments import checked, columns_of, real_numbers
+from pinsing.atomic_write import MEBIBYTE
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.tip_speed import TURN_SPEED, SpeedJudge, TipSpeeds, limits_of, speed_judge
 from pinsing.measures import ROUNDING, Array, ArrayLike
 from pinsing.notebook import one_line
-from pinsing.proximity.clearance import NAMING, nearest_family
-from pinsing.proximity.watched import Forms, every_name, titled, watch
+from pinsing.proximity.clearance import (
+    NAMING,
+    Forms,
+    Watched,
+    certified,
+    every_name,
+    nearest_family,
+    quick,
+    titled,
+    watch,
+)
+from pinsing.proximity.crossings import FARTHEST
+from pinsing.proximity.trajectory_file import (
+    AROUND,
+    NO_TIMES,
+    ColumnHeads,
+    is_number,
+    require_seconds,
+    stated_unit,
+)
 from pinsing.proximity.zones import Zones, zone_distances
 from pinsing.robot.arm import Arm, WholeModel
-from pinsing.serialization import JsonResult
+from pinsing.serialization import JsonResult, encode
 
 CLEAR, WARN, STOP = LEVELS = ("clear", "warn", "stop")
 
@@ -399,3 +426,433 @@ class Monitor:
             joint=self.joints[j],
             value=float(array[j]),
         )
+
+
+BACKLOG = 100
+"""Lines of a live stream that may wait, a tenth of a second at 1 kHz; older ones are dropped."""
+STALLED = 1.0
+"""Seconds without a line after which it is said."""
+_ROWS = tuple("{[+-.0123456789 \t")
+"""How lines of values begin. Others may be names of columns, which are not dropped."""
+_PIECE = re.compile(r"[-+.\deE\s]*")
+"""A number, or what is left of one that a stream began, or broke off, in the middle of."""
+_MEANT = re.compile(
+    r"(joint_?)?names|angles?|((angles?|in|use|is)_?)?(units?|deg(rees)?|rad(ians)?)", re.IGNORECASE
+)
+"""Keys of an object that would change what its values mean; they are refused, not passed over."""
+_SAID = ("level", "family", "title", "lower", "upper", "time_to_contact", "trend")
+"""What is told of the monitor's verdict; ``trend`` is null where speeds are not known."""
+_MOVE = 1e-3
+"""Radians, or metres over the length scale: moves to see which leads away."""
+
+
+def lines_of(raw: io.FileIO) -> Iterator[str]:
+    """Lines of a file without buffer: none whose lock a thread that waits for a line would hold."""
+    rest = b""
+    while data := raw.read(1 << 16):
+        *whole, rest = (rest + data).split(b"\n")
+        yield from (line.decode(errors="replace") for line in whole)
+        rest = rest[: 4 * MEBIBYTE + 1]
+    if rest:
+        yield rest.decode(errors="replace")
+
+
+def latest(
+    lines: Iterable[str], stalled: float = STALLED, backlog: int = BACKLOG
+) -> Iterator[tuple[str | None, int]]:
+    """Yield lines of a live stream, at most ``backlog`` late, each with how many were dropped."""
+    # None stands for silence: once, after ``stalled`` seconds.
+    lines = iter(lines)
+    waiting: deque[str] = deque()
+    news = threading.Condition()
+    dropped, ended, taken = 0, False, False
+    failed: list[OSError] = []
+
+    def read() -> None:
+        nonlocal dropped, ended
+        try:
+            for line in lines:
+                with news:
+                    waiting.append(line)
+                    if len(waiting) > backlog + (not taken):
+                        late = range(not taken, len(waiting))
+                        rows = (k for k in late if waiting[k].startswith(_ROWS))
+                        del waiting[next(rows, late[0])]
+                        dropped += 1
+                    news.notify()
+        except OSError as error:
+            failed.append(error)
+        with news:
+            ended = True
+            news.notify()
+
+    threading.Thread(target=read, daemon=True).start()
+    silent = False
+    while True:
+        with news:
+            came = news.wait_for(lambda: waiting or ended, None if silent else stalled)
+            line = waiting.popleft() if waiting else None
+            count = dropped if taken else 0
+            dropped -= count
+            taken |= line is not None
+        if line is None and came:
+            if failed:
+                raise failed[0]
+            return
+        silent = line is None
+        yield line, count
+
+
+class HeadError(ConfigurationError):
+    """A row after names of columns that were not understood: it could mean anything."""
+
+
+class Reader:
+    """Reads configurations of an arm as text, a line each.
+
+    A line is a JSON object, a list, or a row of a table, best after a line of column names; without
+    names there is one column a joint, base to tip. A comment ``# units: degrees`` holds for all
+    that follows; ``degrees`` for columns that do not tell. After names that are not understood rows
+    are not read; after such units, nothing is. An object holds ``name`` and ``position`` as in
+    ROS's JointState, perhaps ``velocity``, ``t`` or a stamped ``header``; or each joint by name, as
+    in a trajectory file, the same in all objects. Other keys are ignored. Missing or null
+    velocities are differences of successive samples with times.
+
+    ``told`` gets notes, each once: up to 100 ignored names, and how far locked or following joints
+    are from where the arm has them, again where it is ten times as much. ``t`` is the time of the
+    last line, if any; ``measured``: its speeds are not differences.
+    """
+
+    def __init__(
+        self, arm: Arm, degrees: bool | None, told: Callable[[str], None] | None = None
+    ) -> None:
+        self._arm, self._stated, self._told = arm, degrees, told
+        self._called: list[str] | None = None
+        self._names: tuple[list[str], ColumnHeads] | None = None
+        self._columns: tuple[ColumnHeads, str | None] | None = None
+        self._head: HeadError | None = None
+        self._refused: HeadError | None = None
+        self._last: tuple[float, Array] | None = None
+        self.t: float | None = None
+        self.measured = False
+        self._noted: set[str] = set()
+        self._off: dict[str, float] = {}
+
+    def read(self, line: str) -> tuple[float | None, Array, Array | None] | None:
+        """Return time, q (n,) and speeds (n,); None for an empty line, names, or a comment."""
+        # HeadError for a row after names that were not understood, ConfigurationError for other bad
+        # lines.
+        ConfigurationError.refuse_if(
+            len(line) > MEBIBYTE, f"the stream: a line of more than {MEBIBYTE:,} characters"
+        )
+        text, self.t = line.removeprefix("\ufeff").strip(), None
+        if text[:1] == "[" and text[-1] == "]":
+            text = text[1:-1]
+        if text[:1] == "#":
+            self._comment(text)
+        if self._refused:
+            raise self._refused
+        if not text or text[0] == "#":
+            return None
+        found = self._object(text) if text[0] == "{" else self._row(text)
+        if found is None:
+            return None
+        q, dq = found
+        self._require_sense(q)
+        t, last = self.t, self._last
+        self._last = None if t is None else (t, q)
+        self.measured = dq is not None
+        if dq is None and last is not None and t is not None and t > last[0]:
+            dq = self._arm.space.wrap(q - last[1]) / (t - last[0])
+            if (step := t - last[0]) % 1 == 0:
+                said = f"times step by {step:g} s, as they are taken for seconds"
+                self._note(f"{said}: name the column 't (ms)' if they are in milliseconds", "step")
+        return t, q, dq
+
+    def _comment(self, text: str) -> None:
+        """Take the unit of angles that a comment states."""
+        try:
+            stated = stated_unit("the stream", text, self._stated)
+        except ConfigurationError as error:
+            self._refused = HeadError(str(error))
+            return
+        if stated != self._stated:
+            self._stated, self._last = stated, None
+            self._note(f"a comment says that angles are in {'degrees' if stated else 'radians'}")
+
+    def _require_sense(self, q: Array) -> None:
+        """Refuse a joint more than a turn outside its limits, of --rad one that is no angle."""
+        arm = self._arm
+        far = np.abs(q) > FARTHEST
+        if arm.units is None:
+            arm.space.require_radians(q, "q", endless=False)
+            far |= ~arm.prismatic & (np.maximum(q - arm.upper, arm.lower - q) > 2 * np.pi)
+        if far.any():
+            j = int(far.argmax())
+            raise ConfigurationError(
+                f"q: {arm.joints[j]} = {q[j]:.6g} is far outside its limits "
+                f"({arm.lower[j]:.4g} to {arm.upper[j]:.4g})"
+            )
+
+    def _object(self, text: str) -> tuple[Array, Array | None]:
+        try:
+            data = json.loads(text, object_pairs_hook=_once)
+        except (ValueError, RecursionError) as error:
+            if isinstance(error, ConfigurationError):
+                raise
+            raise ConfigurationError(
+                f"cannot read {text:.80}: it is no JSON object, which must be on one line"
+            ) from None
+        for key, value in data.items():
+            ConfigurationError.refuse_if(
+                _MEANT.fullmatch(key) and isinstance(value, (str, list, dict, bool)),
+                f"the stream: {key!r} is not read: leave it out, with the joints in 'name' and "
+                "angles in radians, or in degrees with --deg",
+            )
+        arm, speeds = self._arm, None
+        if "position" not in data:
+            heads, values = self._heads(list(data)), list(data.values())
+            self._time(None if heads.time is None else values[heads.time], data, heads, values)
+            q = self._values("q", heads, values)
+        else:
+            names, values = data.get("name", list(arm.joints)), data["position"]
+            self._time(data.get("t", data.get("time", data.get("timestamp"))), data)
+            lists = isinstance(names, list) and isinstance(values, list)
+            ConfigurationError.refuse_if(
+                not lists or len(names) != len(values),
+                "name and position must be lists of one length",
+            )
+            heads, rates = self._heads(list(map(str, names))), data.get("velocity")
+            q = self._values("q", heads, values)
+            if rates is not None and rates != []:
+                ConfigurationError.refuse_if(
+                    not isinstance(rates, list) or len(rates) != len(names),
+                    f"velocity needs {len(names)} values, as position has",
+                )
+                if not any(r is None or r != r or r in (np.inf, -np.inf) for r in rates):
+                    speeds = self._values("velocity", heads, rates)
+        self._called = self._called or heads.called
+        for now, before in zip(heads.called, self._called, strict=True):
+            ConfigurationError.refuse_if(
+                now != before,
+                f"the stream: {now!r:.80} is {before!r:.80} in a line before: give the states "
+                "of one robot",
+            )
+        return q, speeds
+
+    def _time(
+        self,
+        t: Any,
+        data: Mapping[str, Any],
+        heads: ColumnHeads | None = None,
+        values: Sequence[Any] = (),
+    ) -> None:
+        """Set the time: t, as columns of ``values`` have it, or that of ROS's header in data."""
+        parts, header = None, data.get("header")
+        if t is not None and heads is not None:
+            t = number(t, "the time") * heads.time_scale
+            parts = None if heads.parts is None else values[heads.parts]
+        elif t is None and isinstance(header, Mapping):
+            t = header.get("stamp")
+            if isinstance(t, Mapping):
+                parts = t.get("nanosec", t.get("nsecs", 0))
+                t = number(t.get("sec", t.get("secs")), "the time")
+        if t is not None:
+            t = number(t, "the time")
+            t += 0.0 if parts is None else 1e-9 * number(parts, "the time")
+            require_seconds("the stream", t)
+        self.t = t
+
+    def _values(self, what: str, heads: ColumnHeads, values: Sequence[Any]) -> Array:
+        """Of the joints, base to tip, from those of columns."""
+        arm, angle = self._arm, math.pi / 180 if self._stated else 1.0
+        pairs = zip(arm.joints, heads.order, strict=True)
+        q = [number(values[i], f"{what} of joint {j!r}") for j, i in pairs]
+        usual = zip(np.where(arm.prismatic, 1.0, angle), heads.scales, strict=True)
+        found = np.array(q) * [u if scale is None else scale for u, scale in usual]
+        if what == "q":
+            self._compare(found, heads, values)
+        return np.asarray(found)
+
+    def _compare(self, q: Array, heads: ColumnHeads, values: Sequence[Any]) -> None:
+        """Say which joints without a value in q are elsewhere than the description has them."""
+        for held in heads.held:
+            i = heads.others[held.name]
+            if not is_number(word := str(values[i])):
+                continue
+            scale = math.pi / 180 if self._stated and not held.slides else 1.0
+            off = abs(float(held.off(q, float(word) * (heads.units[i] or scale))))
+            # Backlash, and encoders that are read some milliseconds apart, explain less.
+            least = 1e-3 if held.slides else math.pi / 180
+            if off > self._off.get(held.name, least):
+                self._off[held.name] = 10 * off
+                far = f"{1e3 * off:.3g} mm" if held.slides else f"{math.degrees(off):.3g} degrees"
+                self._note(f"joint {held.name!r} {held.why}, the stream has it {far} elsewhere")
+
+    def _note(self, note: str, once: str = "") -> None:
+        if (once or note) not in self._noted:
+            self._noted.add(once or note)
+            if self._told:
+                self._told(f"note: {note}")
+
+    def _heads(self, names: list[str]) -> ColumnHeads:
+        if self._names is None or self._names[0] != names:
+            ConfigurationError.refuse_if(
+                len(names) > 10 * BACKLOG, f"the stream: a line of {len(names):,} columns"
+            )
+            heads = ColumnHeads("the stream", self._arm, names)
+            self._names = names, heads
+            for note in heads.notes:
+                if note != NO_TIMES and len(self._noted) < BACKLOG:
+                    self._note(note)
+        return self._names[1]
+
+    def _row(self, text: str) -> tuple[Array, None] | None:
+        known = self._columns
+        separator = known[1] if known else next((s for s in (";", "\t", ",") if s in text), None)
+        words = text.split(separator)
+        if known:  # with one word of a mode, say, or names once more: a recorder began anew
+            named = len(words) > 1 and not any(map(is_number, words))
+        else:
+            named = not all(is_number(w) or _PIECE.fullmatch(w) for w in words)
+        if named:
+            self._columns = self._head = None
+            try:
+                self._columns = self._heads(words), separator
+            except ConfigurationError as error:
+                fix = f"give a line of names, as t,{','.join(self._arm.joints)}"
+                self._head = HeadError(f"{error}; {fix}, or objects of JSON")
+                raise ConfigurationError(str(self._head)) from None
+            return None
+        if self._head is not None:
+            raise self._head
+        if known is None:
+            ConfigurationError.refuse_if(
+                len(words) != self._arm.n,
+                f"the stream: {len(words)} numbers without names for {self._arm.n} joints: "
+                f"begin with a line of names, such as t,{','.join(self._arm.joints)}",
+            )
+            numbers = [str(k + 1) for k in range(len(words))]
+            known = ColumnHeads("the stream", self._arm, numbers, numbers, first=words), separator
+        heads, width = known[0], len(known[0].words)
+        ConfigurationError.refuse_if(
+            len(words) != width, f"cannot read {text:.80}: {width} columns are needed"
+        )
+        if not heads.first or any(words[i].strip(AROUND) != w for i, w in heads.labels.items()):
+            heads = ColumnHeads("the stream", self._arm, heads.words, first=words)
+        self._columns = heads, separator
+        self._time(None if heads.time is None else words[heads.time], {}, heads, words)
+        return self._values("q", heads, words), None
+
+
+def _once(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise ConfigurationError(f"the stream: {twice!r:.80} is there twice")
+    return found
+
+
+def number(value: Any, called: str) -> float:
+    """Return a finite number; ConfigurationError says what it is ``called``."""
+    said = value if isinstance(value, str) else json.dumps(value)
+    try:
+        found = math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        found = math.nan
+    ConfigurationError.refuse_if(
+        not math.isfinite(found), f"{called} is {said:.40}; every value must be a finite number"
+    )
+    return found
+
+
+class Follower:
+    """Judges each line of a running robot; ``degrees`` and ``told`` are those of `Reader`.
+
+    At a clearance of ``near`` radians the level is "warn", at half of it "stop". ``more`` are
+    options of `Monitor`: speeds, for ``tip_speeds``, and ``zones``.
+    """
+
+    def __init__(
+        self,
+        form: ClosedForm,
+        arm: Arm,
+        degrees: bool | None,
+        near: float,
+        told: Callable[[str], None] | None = None,
+        **more: Any,
+    ) -> None:
+        self.reader = Reader(arm, degrees, told)
+        self._monitor = Monitor(form, near, near / 2, **more)
+        self._zoned = more.get("zones") is not None
+        self._arm = arm
+        names = [f.name for f in form.families]
+        self._families = {name: replace(watch(form, [name]), margin=None) for name in names}
+        self._steps = np.diag(_MOVE * np.where(arm.prismatic, arm.length_scale, 1.0))
+        q = np.zeros(arm.n)
+        self._monitor.update(q)
+        self._monitor.reset()
+        for family in self._families.values():
+            certified(family, q[None], NAMING)
+            self._away(q, family, q[None], 0.0)  # what is compiled at first is none of a verdict's
+
+    def verdict(self, line: str) -> dict[str, Any] | None:
+        """Return plain data of one line; None for a line without values."""
+        # ``family`` is that of the nearest singular configuration found, ``lower`` holds for all.
+        # ``move`` is the joint, and the sense, that leads away fastest within the limits.
+        if (found := self.reader.read(line)) is None:
+            return None
+        t, q, dq = found
+        try:
+            said = self._monitor.update(q, dq)
+        except ConfigurationError:
+            if self.reader.measured:
+                raise
+            said = self._monitor.update(q)  # times that jitter make speeds that make no sense
+        out: dict[str, Any] = {"t": t} | {k: getattr(said, k) for k in _SAID} | {"move": None}
+        if said.family:
+            watched = self._families[said.family]
+            near, point = certified(watched, q[None], NAMING)
+            out["upper"] = min(said.upper, float(near.upper[0]))
+            out["move"] = self._away(q, watched, point, float(near.upper[0]))
+        if self._zoned:
+            out["zones"] = encode(said.zones)
+        if said.tip_speeds is not None:
+            out["tip_speeds"] = encode(said.tip_speeds)
+        return {k: None if v in (np.inf, -np.inf) else v for k, v in out.items()}
+
+    def _away(self, q: Array, family: Watched, point: Array, near: float) -> dict[str, Any] | None:
+        """Return the joint to move from q (n,), ``near`` to a point (1, n) of the family."""
+        arm, step = self._arm, np.diag(self._steps)
+        Q = np.vstack([q, q + self._steps, q - self._steps])
+        far = family.length(family.space.wrap(Q - point))
+        if not _MOVE < near < np.inf:  # all ways lead away from a point, not from its family
+            far = quick(family, Q).lower
+        allowed = np.concatenate([q + step <= arm.upper, q - step >= arm.lower])
+        gain = np.where(allowed, far[1:] - far[0], 0.0)
+        back, j = divmod(int(gain.argmax()), arm.n)
+        return {"joint": arm.joints[j], "direction": 1 - 2 * back} if gain.max() > 0 else None
+
+
+def follow(follower: Follower, lines: Iterable[str], live: bool) -> Iterator[dict[str, Any]]:
+    """Yield verdicts of a stream; of a live one with drops and silences, or ``error`` and line."""
+    # HeadError, after the answer, for a row after names that were not understood.
+    stream = latest(lines) if live else ((line, 0) for line in lines)
+    total = number = 0
+    for line, dropped in stream:
+        total += dropped
+        if line is None:
+            yield {"stalled": STALLED}
+            continue
+        number += 1 + dropped
+        try:
+            said = follower.verdict(line)
+        except ConfigurationError as error:
+            t = {} if follower.reader.t is None else {"t": follower.reader.t}
+            yield {"line": number, **t, "error": str(error)}
+            if isinstance(error, HeadError):
+                raise
+            continue
+        if said is not None:
+            yield said | ({"dropped": total} if total else {})

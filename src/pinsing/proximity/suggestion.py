@@ -17,8 +17,15 @@ from pinsing.families import Branch
 from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.verdict import ratios
 from pinsing.measures import ALIKE, NEAR_RTOL, Array, ArrayLike, Ints
-from pinsing.proximity.clearance import CLOSE, certified
-from pinsing.proximity.watched import Forms, Watched, require_forms_of, titled, watch
+from pinsing.proximity.clearance import (
+    CLOSE,
+    Forms,
+    Watched,
+    certified,
+    require_forms_of,
+    titled,
+    watch,
+)
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.serialization import JsonResult
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -12,13 +12,21 @@ import numpy as np
 from pinsing.arguments import checked, columns_of, typed
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.solve import form_to_measure
-from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, check_speeds
-from pinsing.measures import Array, ArrayLike
+from pinsing.kinematics.jacobian import singular_values
+from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge, check_speeds
+from pinsing.measures import ROUNDING, Array, ArrayLike, Bool
 from pinsing.notebook import one_line
 from pinsing.prose import LISTED, listed
-from pinsing.proximity.crossings import Crossing, check_reach, check_times
-from pinsing.proximity.passage import Approach, Excess, NearStretch, Passage, Speeds
-from pinsing.proximity.watched import Forms, metric_note, titled, watch
+from pinsing.proximity.clearance import Forms, metric_note, titled, watch
+from pinsing.proximity.crossings import (
+    Approach,
+    Crossing,
+    NearStretch,
+    Passage,
+    check_reach,
+    check_times,
+    runs,
+)
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.serialization import JsonResult
 
@@ -289,6 +297,155 @@ def _advice(check: TrajectoryCheck, robot: str, degrees: bool) -> str:
     if not check.complete:
         return "The closed form is not complete: look at singular values along it as well"
     return ""
+
+
+_LONG_JUMP, _SHORT_JUMP = np.pi, 0.2
+
+
+@dataclass(frozen=True)
+class Excess:
+    """A stretch of time in which a joint exceeds something.
+
+    Attributes
+    ----------
+    joint : str
+        Name of the joint.
+    t, t_end : float
+        From the first to the last sample (step) at which it does.
+    worst : float
+        The largest value, of magnitude; of a position outside its limits the value itself.
+    t_worst : float
+        When.
+    limit : float
+        What it exceeds.
+    """
+
+    joint: str
+    t: float
+    t_end: float
+    worst: float
+    t_worst: float
+    limit: float
+
+
+class Speeds:
+    """Gathers what a trajectory, fed in pieces, asks of the joints."""
+
+    def __init__(
+        self,
+        arm: Arm,
+        tip_speed: float,
+        turn_speed: float,
+        joint_speeds: ArrayLike | None,
+        accelerations: Array | None,
+        timed: bool,
+    ) -> None:
+        self.arm, self.timed, self.accelerations = arm, timed, accelerations
+        self.judge = SpeedJudge(arm, joint_speeds)
+        self.limits = self.judge.limits
+        self.tip_speed, self.turn_speed = tip_speed, turn_speed
+        self._found: dict[str, list[Excess]] = {}
+        self._open: dict[tuple[str, int], int] = {}
+
+    def found(self, kind: str) -> tuple[Excess, ...]:
+        """Excesses of a kind, in the order of time."""
+        return tuple(sorted(self._found.get(kind, []), key=lambda e: (e.t, e.joint)))
+
+    def feed(self, t: Array, Q: Array, first: int, last: int) -> None:
+        """Take samples ``first`` to ``last`` of t (N,) and Q (N, n); the others are neighbours."""
+        own = slice(first, last)
+        low, high = self.arm.lower - ROUNDING, self.arm.upper + ROUNDING
+        out = np.maximum(Q[own] - high, low - Q[own])
+        limit = np.where(Q[own] > high, self.arm.upper, self.arm.lower)
+        self._keep("outside", t[own], t[own], out, Q[own], limit, out > 0)
+        self._cost(t[own], Q[own])
+        begin = max(first, 1)  # steps belong to the sample at which they end
+        if last <= begin:
+            return
+        step = np.diff(Q, axis=0)[begin - 1 : last - 1]
+        before, after = t[begin - 1 : last - 1], t[begin:last]
+        usual = np.median(np.abs(step), axis=0)
+        far = np.where(self.arm.prismatic, self.arm.length_scale, 1.0)
+        bound = np.maximum(_SHORT_JUMP * far, 20.0 * usual) if len(step) > 8 else np.inf * far
+        bound = np.minimum(bound, np.where(self.arm.prismatic, np.inf, _LONG_JUMP))
+        jump = np.abs(step) > bound
+        limits = np.broadcast_to(bound, step.shape)
+        self._keep("jump", before, after, np.abs(step), np.abs(step), limits, jump)
+        if not self.timed:
+            return
+        speed = np.abs(step) / (after - before)[:, None]
+        limits = np.broadcast_to(self.limits, speed.shape)
+        over = speed > limits * (1 + 1e-9)
+        self._keep("speed", before, after, speed / limits, speed, limits, over)
+        begin = max(begin, 2)
+        if self.accelerations is None or last <= begin:
+            return
+        rate = np.diff(Q, axis=0) / np.diff(t)[:, None]
+        middle = (t[1:] + t[:-1]) / 2
+        bend = np.abs(np.diff(rate, axis=0) / np.diff(middle)[:, None])[begin - 2 : last - 2]
+        limits = np.broadcast_to(self.accelerations, bend.shape)
+        at = t[begin - 1 : last - 1]
+        self._keep("acceleration", at, at, bend / limits, bend, limits, bend > limits * (1 + 1e-9))
+
+    def _cost(self, t: Array, Q: Array) -> None:
+        """Return where some tip velocity of the given speeds needs more than a joint's limit."""
+        if self.judge.reason:
+            return
+        L, limits = self.arm.length_scale, self.judge.limits
+        sigma = np.asarray(singular_values(self.arm, Q))[:, self.judge.rank - 1]
+        size = math.hypot(self.tip_speed / L, self.turn_speed)
+        hard = np.flatnonzero(size > sigma * limits.min() * (1 - 1e-9))
+        share = np.zeros(Q.shape)
+        for part in np.array_split(hard, max(1, len(hard) // 4096)):
+            share[part] = self.judge.shares(Q[part], self.tip_speed, self.turn_speed)
+        limits = np.broadcast_to(limits, share.shape)
+        worst = np.where(share > 0, share * np.where(share > 0, limits, 0.0), 0.0)
+        self._keep("cost", t, t, share, worst, limits, share > 1)
+
+    def between(self, passage: Passage) -> None:
+        """Take, too, where the motion meets families and is nearest to them, as of ``passage``."""
+        met = passage.own_crossings if passage.watched.tube else passage.crossings
+        places: list[Crossing | Approach] = [*met, *passage.crossings, *passage.approaches]
+        if self.judge.reason or not places:
+            return
+        share = self.judge.shares(np.array([p.q for p in places]), self.tip_speed, self.turn_speed)
+        share[: len(met)][share[: len(met)] > 1e5] = np.inf  # singular but for rounding
+        listed = self._found.setdefault("cost", [])
+        for i, j in np.argwhere(share > 1):
+            t, joint, limit = places[i].t, self.arm.joints[j], float(self.limits[j])
+            new = Excess(joint, t, t, float(share[i, j]) * limit, t, limit)
+            gap = 1e-9 * (1 + abs(t))
+            ours = [k for k, e in enumerate(listed) if e.joint == joint]
+            same = [k for k in ours if listed[k].t - gap <= t <= listed[k].t_end + gap]
+            if not same:
+                listed.append(new)
+            elif new.worst > listed[same[0]].worst:
+                listed[same[0]] = replace(listed[same[0]], worst=new.worst, t_worst=t)
+
+    def _keep(
+        self, kind: str, t: Array, t_end: Array, size: Array, value: Array, limit: Array, bad: Bool
+    ) -> None:
+        """Turn runs of bad entries (K, n) into excesses, joined with those of the piece before."""
+        listed = self._found.setdefault(kind, [])
+        for j in range(self.arm.n):
+            was = self._open.pop((kind, j), None)
+            for first, end in runs(bad[:, j]):
+                k = first + int(np.argmax(size[first:end, j]))
+                times = float(t[first]), float(t_end[end - 1])
+                worst = float(value[k, j]), float(t[k]), float(limit[k, j])
+                new = Excess(self.arm.joints[j], *times, *worst)
+                if first == 0 and was is not None:
+                    old = listed[was]
+                    larger = abs(new.worst - new.limit) > abs(old.worst - old.limit)
+                    listed[was] = replace(new if larger else old, t=old.t, t_end=new.t_end)
+                    index = was
+                elif len(listed) < 200:
+                    listed.append(new)
+                    index = len(listed) - 1
+                else:
+                    continue
+                if end == len(bad):
+                    self._open[kind, j] = index
 
 
 NEAR = np.radians(5.0)

@@ -1,23 +1,57 @@
-"""How near is too near: distances beyond which no tip motion exceeds the joint speed limits."""
+"""How near is too near: distances beyond which no tip motion exceeds the joint speed limits.
+
+They are found by branch and bound over boxes of joint space. A box is done where the joint speeds
+that the tip motions take are proven to stay within their limits, or where all of it is nearer to a
+family than the distance that is looked for is going to be: distance to a family grows no faster
+than the joints that it depends on move. A configuration that does exceed a limit bounds the answer
+from below.
+
+Joint speeds in a box: with the Jacobian J(q) = J + D, and A a right inverse of J, of a square one
+the inverse, joint velocities ``z = A X x - A D z`` make the twist x, which X(q) takes to the point
+that J(q) is for: those of a redundant arm are no others than ``A (J(q) A)^(-1) X x``, so that
+limits which they keep can be kept. With ``A D = E = E1 + E2 + E3`` (the first order, the second,
+the rest), put into itself twice this is
+``z = b - E1 b + P b - P E z + E1 (E2 + E3) z - E3 z`` where ``b = A X x`` and ``P = E1^2 - E2``, of
+size Q. Its first and second order are looked at, and where ``F + T y <= y`` for a bound F of what
+is known and T the sizes of the others, all z are at most y, and J(q) A is nowhere singular (the
+theorem of Perron and Frobenius, as in Krawczyk's method). J is written in the axes of a link in the
+middle and, where the task has all rotations that the arm makes, of twists at a point of that link:
+columns then change by the joints between alone. Each product of floats is charged with ``NOISE``
+times the sum of the sizes of its terms, which covers a thousand operations, and A with twice what
+J A misses.
+"""
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from pinsing._batch import engine
+from pinsing.algebra.nearest import BOXES as NEAREST, SearchOptions, nearest_points, two_sided
+from pinsing.algebra.trig_sum import TINY, off_values
 from pinsing.arguments import checked
-from pinsing.errors import OptionError
-from pinsing.measures import Array
+from pinsing.errors import EngineError, OptionError
+from pinsing.families import ClosedForm, Family
+from pinsing.kinematics.batch import random_turns, tip_rotations
+from pinsing.kinematics.jacobian import frame_jacobians, singular_values, tip_poses
+from pinsing.kinematics.ladder import posture_names
+from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge, speed_judge
+from pinsing.measures import NOISE, ROUNDING, Array, ArrayLike, Bool, Ints
 from pinsing.notebook import one_line
 from pinsing.prose import listed
+from pinsing.proximity.clearance import Watched, metric_note, titled, watch
 from pinsing.proximity.trajectory import angle_text
-from pinsing.robot.arm import Arm, ArmSummary
-from pinsing.robot.chain import chain_differs
+from pinsing.robot.arm import Arm, ArmSummary, summarize
+from pinsing.robot.chain import chain_differs, flatten, placements_of
 from pinsing.serialization import JsonResult
+
+if TYPE_CHECKING:
+    from scipy.spatial import KDTree
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,3 +228,844 @@ def require_zones_of(
         f"zones are of {zones.arm.name} with its joints in other places, as by another "
         "calibration: make them of this robot, with the options that it has here",
     )
+
+
+_ROUNDS, _MORE_ROUNDS, _CLOSE = 2, 13, 0.9
+"""Choices of a right inverse that are looked at, and how many where a share is above the last; of
+one joint to spare the best one is known there."""
+
+
+@dataclass(frozen=True, eq=False)
+class BoxSpeeds:
+    """Shares of the joint speed limits in boxes."""
+
+    center: Array  # (N,), above 1 a limit is exceeded
+    first: Array  # (N,), in all of the box by the first order
+    most: Array  # (N,), proven for all of the box; infinite where not, or over 1
+    pull: Array  # (N, n), how much of the bound is due to the width of each joint
+
+
+class SpeedBounds:
+    """Bounds the joint speeds that tip motions (m/s and rad/s, any directions) of one arm take.
+
+    ``travel`` (n,): half the range of prismatic joints, metres. ``moving`` (n,): joints that the
+    shares depend on.
+    """
+
+    def __init__(
+        self, judge: SpeedJudge, tip_speed: float, turn_speed: float, travel: Array
+    ) -> None:
+        EngineError.refuse_if(
+            not engine.available(), f"zones need the compiled kernel: {engine.unavailable_reason()}"
+        )
+        self.judge, arm = judge, judge.arm
+        self.v, self.w = tip_speed, turn_speed
+        chain, task = flatten(arm), arm.task
+        OptionError.refuse_if(
+            arm.coupling is not None, f"{arm.name} has mimic joints: their speeds are not judged"
+        )
+        self.axis = task.tool_axis if task.at_tip else None
+        OptionError.refuse_if(
+            task.at_tip and (self.axis is None or len(task.translation) != 3),
+            f"task {task}: give one with rows in base axes, or tool-axis",
+        )
+        # Rows in base axes; a turn about the tool's axis is a joint of its own, without a limit.
+        rows = np.zeros((6, len(task.rows)))
+        rows[list(task.rows), range(len(task.rows))] = 1.0
+        self.rows = (
+            np.eye(6) if self.axis is not None else np.ascontiguousarray((rows @ judge.basis).T)
+        )
+        self.linear: Bool = np.asarray(self.rows[:, :3].any(axis=1))
+        axes = frame_jacobians(arm, random_turns(arm, 4))[:, 3:]
+        self._require_turnable(task.name, axes)
+        angular = self.rows[~self.linear, 3:]
+        self.still = bool(np.abs(axes - angular.T @ (angular @ axes)).max(initial=0.0) <= NOISE)
+        steps = np.linalg.norm(chain.t, axis=1) + np.append(0.0, np.where(arm.prismatic, travel, 0))
+        reach = np.cumsum(steps[::-1])[::-1][1:]  # from each joint to the tip
+        across = np.linalg.norm(chain.t[1:, :2], axis=1) + reach - steps[1:]
+        self.far = np.append(np.where(arm.prismatic, 1.0, across), [0.0] * (self.axis is not None))
+        count, most = len(self.far), engine.module().SPEED_COLUMNS
+        OptionError.refuse_if(count > most, f"zones: an arm may have {most} joints, not {count}")
+        self.turns: Bool = np.append(~arm.prismatic, np.ones(int(self.axis is not None), bool))
+        self.middle = (count - 1) // 2
+        self.moving: Bool = np.ones(arm.n, dtype=bool)
+        self.moving[0] = False
+        alone = self.axis is None and (arm.prismatic[-1] or self.far[-1] <= NOISE / 10)
+        self.moving[-1] &= not alone or count == 1
+
+    def _require_turnable(self, task: str, axes: Array) -> None:
+        """Raise unless rotations by the joints leave the rows of the task among themselves."""
+        for block in (self.rows[self.linear, :3], self.rows[~self.linear, 3:]):
+            turned = np.cross(np.swapaxes(axes, 1, 2)[:, :, None], block)
+            OptionError.refuse_if(
+                np.abs(turned - turned @ block.T @ block).max(initial=0.0) > NOISE,
+                f"the rows of the task {task} turn with the arm: give pose",
+            )
+
+    def jacobians(self, Q: Array) -> Array:
+        """Jacobians (N, 6, k), the turn about the tool's axis as the last column."""
+        J = frame_jacobians(self.judge.arm, Q)
+        if self.axis is None:
+            return J
+        spin = tip_rotations(self.judge.arm, Q)[:, :, self.axis]
+        return np.concatenate([J, np.concatenate([0 * spin, spin], axis=1)[:, :, None]], axis=2)
+
+    def of(self, C: Array, R: Array) -> BoxSpeeds:
+        """Shares in boxes of centres C (N, n) and half widths R (N, n)."""
+        found = self._of(C, R, _ROUNDS)
+        # Speeds that are least at the centre change more than others do in all of a wide box.
+        close = np.flatnonzero((found.most > 1) & (found.center > _CLOSE))
+        spare = len(self.far) - len(self.rows)
+        if spare and len(close):
+            closer = self._of(C[close], R[close], _MORE_ROUNDS if spare > 1 else 0)
+            for was, now in zip(vars(found).values(), vars(closer).values(), strict=True):
+                was[close] = now
+        return found
+
+    def _of(self, C: Array, R: Array, rounds: int) -> BoxSpeeds:
+        out, speeds = np.empty((len(C), 3 + C.shape[1])), [self.v, self.w]
+        engine.module().joint_speeds(
+            *(self.rows, self.linear, self.judge.limits, self.far, self.turns, self.moving),
+            *(speeds, self.middle, rounds, self.still, self.jacobians(C), R, out),
+            *(engine.isa_names()[-1], engine.cpu_count()),
+        )
+        return BoxSpeeds(out[:, 0], out[:, 1], out[:, 2], out[:, 3:])
+
+
+def sums_behind(x: Array) -> Array:
+    """Sums (N, k) of what stands behind each place of x (N, k)."""
+    return np.asarray(np.cumsum(x[:, ::-1], axis=1)[:, ::-1] - x)
+
+
+GAP = 0.05
+"""Share of a distance within which a configuration that exceeds a limit is looked for."""
+BOXES = 2_000_000
+"""Work for all distances together, as many boxes; within limits a UR5 takes 130,000 and an xArm 7
+nearly all, 2.5 s and 45 s of one processor."""
+
+
+@checked
+def zones(
+    form: ClosedForm,
+    linear: float = TIP_SPEED,
+    angular: float = TURN_SPEED,
+    *,
+    joint_speeds: ArrayLike | None = None,
+    within: Mapping[str, tuple[float, float] | None] | str | None = None,
+    boxes: int = BOXES,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Zones:
+    """Find the distances from singularities beyond which joint speed limits are kept.
+
+    First the least common distance, then that of each family, in the order of the form, lowered as
+    far as it goes with those of the others as they are.
+
+    Parameters
+    ----------
+    form : ClosedForm
+        Of the arm.
+    linear, angular : float
+        Tip speeds, m/s and rad/s, at once and in any directions.
+    joint_speeds : (n,) array_like, optional
+        Speed limits, rad/s and m/s; those of the description if not given.
+    within : mapping or str, optional
+        Where; else whole circles. Parts between commas are "limits" (the joint limits), names of
+        the posture ("elbow up, wrist no-flip"), and ranges of joints and of the tip's position in
+        the base ("elbow_joint=0.7..2.4, z=0.1..0.5", radians and metres). A mapping has ranges by
+        name, ``{"elbow_joint": (0.7, 2.4)}``, and None for a word. Prismatic joints always keep
+        their limits.
+    boxes : int
+        Most work, half of it for the common distance of several families: boxes looked at, two for
+        each configuration that is tried, and an eighth of those that distances take. The answer is
+        proven with less, but larger.
+    progress : callable
+        Told what is done, how far it is, and how far that goes.
+
+    Returns
+    -------
+    Zones
+        With what was assumed in ``notes``.
+
+    Raises
+    ------
+    OptionError, UnknownNameError
+        If speeds or ranges make no sense, speed limits are not known, the arm has a task that
+        is not covered, or its postures have no such names.
+    EngineError
+        Without the compiled kernel.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> form = pinsing.closed_form(pinsing.load("scara"))
+    >>> found = pinsing.zones(form, joint_speeds=[5, 5, 1, 10])
+    >>> found.common_exceeding <= found.common
+    True
+    """
+    judge = bounds_of(form.loaded, linear, angular, joint_speeds).judge
+    parts = parts_of(within) if isinstance(within, str) else within or {}
+    region = Region(form, judge.arm, parts)
+    bounds = SpeedBounds(judge, linear, angular, _travel(judge.arm, region.lower, region.upper))
+    return _Search(form, bounds, region, boxes, progress).zones()
+
+
+def bounds_of(
+    arm: Arm | None, linear: float, angular: float, joint_speeds: ArrayLike | None
+) -> SpeedBounds:
+    """Return what bounds the joint speeds of an arm, or raise OptionError if nothing does."""
+    judge = speed_judge(arm, linear, angular, joint_speeds)
+    arm = judge.arm
+    missing = [n for n, c in zip(arm.joints, judge.limits, strict=True) if not math.isfinite(c)]
+    if missing:
+        raise OptionError(f"no speed limit is known of {listed(missing)}: give joint_speeds")
+    travel = _travel(arm, arm.lower, arm.upper)
+    if not np.isfinite(travel).all():
+        raise OptionError(f"{arm.name} has a prismatic joint without limits")
+    return SpeedBounds(judge, linear, angular, travel)
+
+
+def _travel(arm: Arm, lower: Array, upper: Array) -> Array:
+    """How far (n,) prismatic joints are at most from zero, metres."""
+    return np.where(arm.prismatic, np.maximum(np.abs(lower), np.abs(upper)), 0.0)
+
+
+def parts_of(
+    within: str, numbers: Callable[[str, str], float] = lambda name, text: float(text)
+) -> dict[str, tuple[float, float] | None]:
+    """Return ranges by name, read by ``numbers``, and words with None, of text between commas."""
+    out: dict[str, tuple[float, float] | None] = {}
+    for part in within.split(","):
+        name, found, ends = part.partition("=")
+        low, dots, high = ends.partition("..")
+        name = " ".join(name.split())
+        if found and not dots:
+            raise OptionError(f"within {part.strip()}: write JOINT=A..B, such as q3=40..140")
+        try:
+            out[name] = (numbers(name, low), numbers(name, high)) if found else None
+        except ValueError:
+            raise OptionError(f"within {part.strip()}: {ends!r} is no range of numbers") from None
+    return out
+
+
+def is_of_tip(arm: Arm, name: str) -> bool:
+    """Return True if a range of this name is one of the tip's position."""
+    return name in ("x", "y", "z") and name not in arm.joints
+
+
+class Region:
+    """Where zones are asked for: ranges of joints and of the tip's position, and a posture.
+
+    ``lower`` and ``upper`` (n,) bound joints, ``tip`` (2, 3) its position in the base; ``moving``
+    (n,) joints move it along bounded axes. ``words`` say all.
+    """
+
+    def __init__(
+        self,
+        form: ClosedForm,
+        arm: Arm,
+        parts: Mapping[str, tuple[float, float] | None],
+        what: str = "within",
+    ) -> None:
+        self.form, self.arm = form, arm
+        self.lower = np.where(arm.prismatic, arm.lower, -np.pi)
+        self.upper = np.where(arm.prismatic, arm.upper, np.pi)
+        self.tip = np.outer([-np.inf, np.inf], np.ones(3))
+        ranges = {name: ends for name, ends in parts.items() if ends is not None}
+        words = [name for name, ends in parts.items() if ends is None]
+        self.words: tuple[str, ...] = ()
+        if "limits" in words and what == "within":
+            words.remove("limits")
+            real = np.isfinite(arm.lower) & (arm.upper - arm.lower < 2 * np.pi)
+            self.lower = np.where(real, arm.lower, self.lower)
+            self.upper = np.where(real, arm.upper, self.upper)
+            self.words = ("the joint limits kept",)
+        self.posture = tuple(words)
+        if words:
+            self._require_postures(what)
+        self.words += self.posture + tuple(self._narrowed(n, *e) for n, e in ranges.items())
+        tested = frame_jacobians(arm, random_turns(arm, 20))[:, :3][:, np.isfinite(self.tip[0])]
+        self.moving: Bool = np.asarray((np.abs(tested) > ROUNDING).any(axis=(0, 1)))
+
+    def _require_postures(self, what: str) -> None:
+        """Raise unless the words are names of postures, and each ends at families only."""
+        if not self.form.complete or self.arm.task.name != "pose":
+            raise OptionError(
+                f"{what} {listed(self.posture)}: a posture needs a complete closed form of the "
+                "task pose"
+            )
+        geometry = self.form.geometry
+        names = () if geometry is None else posture_names(geometry, random_turns(self.arm, 200))
+        known = sorted({name for each in names for name in each})
+        hint = ", ".join(known) or "joint values: its postures have no names"
+        if what == "within":
+            hint = f"limits, {hint}, ranges such as q3=0.7..2.4 (radians) or z=0.1..0.5"
+        for word in self.posture:
+            if word not in known:
+                raise OptionError(f"{what} {word!r}: of {self.arm.name} it may be {hint}")
+        kinds = [word.split()[0] for word in self.posture]
+        if len(set(kinds)) < len(kinds):
+            raise OptionError(f"{what}: no posture is {' and '.join(self.posture)}")
+
+    def _narrowed(self, name: str, a: float, b: float) -> str:
+        """Set one range, and return it in words."""
+        if not (math.isfinite(a) and math.isfinite(b) and a < b):
+            raise OptionError(f"within: {name} needs two ascending values, got {a:g} and {b:g}")
+        if is_of_tip(self.arm, name):
+            self.tip[:, "xyz".index(name)] = a, b
+            return f"{name} of the tip between {a:.4g} m and {b:.4g} m"
+        j = self.arm.space.index(name)
+        slides = bool(self.arm.prismatic[j])
+        whole = not slides and b - a >= 2 * np.pi
+        self.lower[j], self.upper[j] = (-np.pi, np.pi) if whole else (a, b)
+        unit, factor = (" m", 1.0) if slides else ("°", 180 / np.pi)
+        return f"{self.arm.joints[j]} between {factor * a:.4g}{unit} and {factor * b:.4g}{unit}"
+
+    def holds(self, Q: Array) -> Bool:
+        """Whether the posture and the tip of each of Q (N, n) are the ones asked for."""
+        return self.has_posture(Q) & (self.outside(Q) <= 0).all(axis=1)
+
+    def has_posture(self, Q: Array) -> Bool:
+        """Whether the posture of each of Q (N, n) is the one asked for."""
+        geometry, wanted = self.form.geometry, set(self.posture)
+        if not wanted or geometry is None:
+            return np.ones(len(Q), dtype=bool)
+        return np.array([wanted <= set(n) for n in posture_names(geometry, Q)], dtype=bool)
+
+    def outside(self, Q: Array) -> Array:
+        """How far (N, 3) the tip is outside of its ranges, metres."""
+        if not self.moving.any():
+            return np.zeros((len(Q), 3))
+        places = tip_poses(self.arm, Q)[0]
+        return np.asarray(np.maximum(self.tip[0] - places, places - self.tip[1]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Answer:
+    """One distance: proven, reached by a configuration that exceeds a limit, and that one."""
+
+    proven: float
+    reached: float
+    q: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Cells:
+    """Boxes, how far from the families any of it may be, and a point near each family."""
+
+    C: Array  # (N, n) centres
+    R: Array  # (N, n) half widths
+    ceiling: Array  # (N,)
+    points: Array  # (N, F, n), weighted coordinates; infinite where none is known
+    slack: Array  # (N, F), how far the family may be from there
+    asked: Array  # (N, F), size of the box when points were last looked for elsewhere
+
+    @classmethod
+    def first(cls, C: Array, R: Array, families: int) -> _Cells:
+        """Boxes of which nothing is known."""
+        shape = len(C), families
+        points = np.full((*shape, C.shape[1]), np.inf)
+        return cls(C, R, np.full(len(C), np.inf), points, np.zeros(shape), np.full(shape, np.inf))
+
+    @classmethod
+    def joined(cls, parts: Iterable[_Cells]) -> _Cells:
+        """All of them."""
+        return cls(*map(np.concatenate, zip(*(vars(x).values() for x in parts), strict=True)))
+
+    def __getitem__(self, rows: Any) -> _Cells:
+        return _Cells(*(x[rows] for x in vars(self).values()))
+
+    def moved(self, C: Array, R: Array) -> _Cells:
+        """The same of other centres and half widths."""
+        return _Cells(
+            C, R, *(x.copy() for x in (self.ceiling, self.points, self.slack, self.asked))
+        )
+
+    def take(self, family: int, points: Array, slack: Array, scale: Array) -> None:
+        """Take points (N, n), ``slack`` (N,) off a family, that are nearer than the ones there."""
+        was = np.linalg.norm((self.points[:, family] - self.C * scale)[:, scale > 0], axis=1)
+        now = np.linalg.norm((points - self.C * scale)[:, scale > 0], axis=1)
+        nearer = now + slack < was + self.slack[:, family]
+        self.points[nearer, family], self.slack[nearer, family] = points[nearer], slack[nearer]
+
+
+class _Search:
+    """Branch and bound for one arm.
+
+    Boxes of width ``wide`` (radians, or metres over the length scale) at first, ``chunk`` in one
+    call. ``best`` of ``samples`` configurations are followed by steps to ``finest``, at most
+    ``certified`` of them proven to ``sure`` (radians). ``few`` boxes for what is proven of many,
+    ``cheap`` of them as much work as one of joint speeds. ``cloud`` points of each surface are
+    known at first.
+    """
+
+    chunk, wide, finest, sure = 8192, 0.8, 3e-3, 1e-8
+    few, cheap, cloud = 60, 8, 20_000
+    samples, best, certified = 4096, 20, 3
+
+    def __init__(
+        self,
+        form: ClosedForm,
+        bounds: SpeedBounds,
+        region: Region,
+        boxes: int,
+        progress: Callable[[str, int, int], None] | None,
+    ) -> None:
+        self.bounds, self.judge, self.region = bounds, bounds.judge, region
+        self.arm, self.speeds = bounds.judge.arm, (bounds.v, bounds.w)
+        self.low, self.high = region.lower, region.upper
+        self.most, self.progress = boxes, progress or (lambda *_: None)
+        self.watched: Watched = watch(form)
+        self.each, self.used = self.watched.each, self.watched.used
+        self.active: Bool = self.bounds.moving | self.used.any(axis=0) | region.moving
+        self.surfaces: Bool = np.array(
+            [any(b.sums for b in c.branches) for c in self.each], dtype=bool
+        )
+        self.rng = np.random.default_rng(36)
+        self.seen = 0
+        # Points of surfaces, to begin steps near the nearest ones.
+        self.clouds: dict[int, tuple[KDTree, Array, Array]] = {}
+        self._learn(random_turns(self.arm, self.cloud))
+
+    def _learn(self, Q: Array) -> None:
+        """Keep the points of surfaces that steps from Q (N, n) lead to."""
+        from scipy.spatial import KDTree
+
+        self._follow(found := _Cells.first(Q, 0 * Q, len(self.each)))
+        for f in np.flatnonzero(self.surfaces).tolist():
+            some = found[np.isfinite(found.points[:, f]).all(axis=1)]
+            self._follow(some, f, 1.0)
+            # One that is far off the surface would stand for others.
+            some = some[some.slack[:, f] < self.finest]
+            points, slack = some.points[:, f], some.slack[:, f]
+            if f in self.clouds:
+                _, *known = self.clouds[f]
+                points, slack = map(np.concatenate, zip(known, (points, slack), strict=True))
+            if len(points):
+                turn = self.watched.conditions.turn[self.used[f]]
+                places = points[:, self.used[f]]
+                places = np.where(turn > 0, places % np.maximum(turn, 1.0), places)
+                tree = KDTree(places, boxsize=turn, balanced_tree=False, compact_nodes=False)
+                self.clouds[f] = tree, points, slack
+
+    def zones(self) -> Zones:
+        """Solve for the common distance, then for each."""
+        names, count = self.watched.names, len(self.each)
+        notes: list[str] = []
+        loose: list[str] = []
+        half = self.most // (2 if count > 1 else 1)
+        common = self._least(None, np.full(count, np.inf), "one distance from all families", half)
+        OptionError.refuse_if(
+            not count and common.proven > 0,
+            f"{self.arm.name} has no family to keep away from, and {self.speeds[0]:g} m/s and "
+            f"{self.speeds[1]:g} rad/s of the tip may exceed a joint speed limit: lower them, or "
+            "give a smaller part (within)",
+        )
+        far = np.full(count, common.proven)
+        found = np.zeros(count)
+        for k, name in enumerate(names):
+            # The first zone to be lowered is mostly the one that takes the most boxes.
+            share = (self.most - self.seen) // (2 if k < count - 1 else 1)
+            title = f"{name}, {k + 1} of {count} families"
+            lowered = common if count == 1 else self._least(k, far, title, share)
+            far[k], found[k] = min(far[k], lowered.proven), lowered.reached
+            least = min(found[k], np.delete(far, k).min(initial=np.inf))
+            if least > common.reached:
+                common = _Answer(common.proven, float(least), lowered.q)
+            if far[k] > (1 + GAP) * found[k] + self.sure:
+                loose.append(name)
+        sigma, condition = self._measures(far)
+        if loose and math.isfinite(sigma):
+            notes.append(
+                f"after {self.seen} boxes proven distances from {listed(loose)} may be over "
+                f"{GAP:.0%} more than needed: try more boxes, lower speeds or a smaller part "
+                "(within)"
+            )
+        if self.judge.rank < self.arm.n:
+            notes.append("a motion counts as possible if any joint speeds that make it are")
+        if self.arm.prismatic.any():
+            notes.append(metric_note(self.arm.length_scale))
+        L = self.arm.length_scale
+        needed = max(L / v if (v := self.speeds[0]) else 0.0, 1 / w if (w := self.speeds[1]) else 0)
+        both = all(self.speeds) or not (self.bounds.linear.any() and not self.bounds.linear.all())
+        length = float(np.linalg.norm(self.judge.limits))
+        return Zones(
+            arm=summarize(self.arm),
+            placements=placements_of(self.arm),
+            tip_speed=self.speeds[0],
+            turn_speed=self.speeds[1],
+            joint_speeds=self.judge.limits,
+            within=self.region.words,
+            lower=self.low,
+            upper=self.high,
+            tip_lower=self.region.tip[0],
+            tip_upper=self.region.tip[1],
+            posture=self.region.posture,
+            distances=dict(zip(names, far.tolist(), strict=True)),
+            exceeding=dict(zip(names, found.tolist(), strict=True)),
+            common=common.proven,
+            common_exceeding=common.reached,
+            worst=common.q,
+            sigma_min=sigma,
+            sigma_min_proven=1 / (length * needed) if both and needed else 0.0,
+            condition_number=condition,
+            titles=dict(zip(names, map(_called, self.watched.families), strict=True)),
+            complete=self.watched.complete,
+            boxes=self.seen,
+            notes=tuple(notes),
+        )
+
+    def _random(self, count: int) -> Array:
+        spread = self.rng.uniform(self.low, self.high, (count, self.arm.n))
+        return np.where(self.active, spread, (self.low + self.high) / 2)
+
+    def _objective(self, k: int | None, far: Array, distances: Array) -> Array:
+        """What is made large (N,): the least distance, or that of family k outside the others."""
+        if k is None:
+            return np.asarray(distances.min(axis=1, initial=np.inf))
+        others = np.arange(len(far)) != k
+        outside = (distances[:, others] > far[others]).all(axis=1)
+        return np.where(outside, distances[:, k], -np.inf)
+
+    def _climb(
+        self, k: int | None, far: Array, Q: Array, step: float, best: tuple[float, Array]
+    ) -> tuple[float, Array]:
+        """The largest objective proven where a limit is exceeded: ``best``, or near Q (N, n)."""
+        aim = far + 2 * self.sure  # what is found must hold of proven distances, too
+        while True:
+            Q = Q[self.bounds.of(Q, np.zeros_like(Q)).center > 1]
+            if self.judge.rank < self.arm.n:  # perhaps with other joint speeds it does not
+                Q = Q[self.judge.shares(Q, *self.speeds).max(axis=1) > 1]
+            value = self._guessed(k, aim, Q)
+            first = np.argsort(-value, kind="stable")[: min(self.best, (value > -np.inf).sum())]
+            good = Q[first]
+            if not len(good) or step < self.finest:
+                break
+            moves = self.rng.normal(size=(10, *good.shape)) * self.active * step
+            moved = np.clip(good + moves, self.low, self.high).reshape(-1, self.arm.n)
+            Q, step = np.concatenate([good, moved]), step * 0.7
+        for _ in range(self.certified if len(good) else 0):
+            value = self._guessed(k, aim, good)
+            q = good[value.argmax()]
+            # A proof takes as long as thousands of boxes; guesses nearby learn from it.
+            if value.max() <= best[0]:
+                break
+            lower, points = self._nearest(q[None], self.sure, NEAREST)
+            proven = float(self._objective(k, far, lower)[0])
+            best = (proven, q) if proven > best[0] else best
+            self._learn(points[np.isfinite(points).all(axis=1)])
+        return best
+
+    def _guessed(self, k: int | None, far: Array, Q: Array) -> Array:
+        """The objective of Q (N, n) by the nearest points that are found."""
+        self.seen += 2 * len(Q)  # as long as that takes
+        x = _Cells.first(Q, 0 * Q, len(far))
+        self._follow(x)
+        self._begin_elsewhere(x)
+        value = self._objective(k, far, self._upper(x)[0])
+        return np.where(self.region.holds(Q), value, -np.inf)
+
+    def _nearest(self, Q: Array, gap: float, boxes: int) -> tuple[Array, Array]:
+        """Lower bounds (N, F) of distances of Q (N, n), mostly within ``gap``; points (F N, n)."""
+        limits, search = (self.watched.lower, self.watched.upper), SearchOptions(gap, boxes)
+        found = [nearest_points(c, Q, *limits, search) for c in self.each]
+        self.seen += sum(int(near.boxes.sum()) for near in found) // self.cheap
+        lower = np.reshape([near.lower for near in found], (len(found), len(Q))).T
+        return lower, np.reshape([near.q for near in found], (-1, self.arm.n))
+
+    def _least(self, k: int | None, far: Array, what: str, most: int) -> _Answer:
+        """Return the least distance of family k (of all), those of the others being ``far``."""
+        # Farther than ``far`` from family k and the others nothing exceeds a limit.
+        cap = np.inf if k is None else float(far[k])
+        reached, q = self._climb(k, far, self._random(self.samples), 0.3, (0.0, np.empty(0)))
+        C, R = self._first_boxes()
+        boxes = _Cells.first(C, R, len(far))
+        begin, most = self.seen, max(most, len(C))
+        while True:
+            boxes = boxes[boxes.ceiling > self._target(reached)]
+            if not len(boxes.C) or self.seen - begin >= most:
+                break
+            # Those that may be farthest first; an eighth at once, since all are copied each time.
+            left = len(boxes.C)
+            count = min(max(self.chunk, left // 8), left, begin + most - self.seen)
+            pick = np.argpartition(-boxes.ceiling, count - 1)
+            made = [boxes[pick[count:]]]
+            for part in np.array_split(pick[:count], math.ceil(count / self.chunk)):
+                halves, guess, centers = self._halves(k, far, cap, boxes[part], reached)
+                made.append(halves)
+                ahead = centers[guess > (1 + GAP / 5) * reached]
+                if len(ahead):
+                    reached, q = self._climb(k, far, ahead, 0.05, (reached, q))
+            self.seen += count
+            self.progress(what, min(self.seen - begin, most), most)
+            boxes = _Cells.joined(made)
+        proven = max((1 + GAP) * reached, float(boxes.ceiling.max(initial=0.0)))
+        return _Answer(proven + ROUNDING if proven else 0.0, reached, q)
+
+    def _target(self, reached: float) -> float:
+        return max((1 + GAP) * reached, ROUNDING)
+
+    def _halves(
+        self, k: int | None, far: Array, cap: float, boxes: _Cells, reached: float
+    ) -> tuple[_Cells, Array, Array]:
+        """What is left of boxes, in halves; centres that exceed, farthest first, and how far."""
+        target, weight = self._target(reached), self.watched.weight
+        kept = np.where(np.arange(len(far)) == k, target, np.minimum(far, 1e9))
+        kept = np.full(len(far), target) if k is None else kept
+        c, r = self._trimmed(boxes.C, boxes.R, kept)
+        x = boxes.moved(c, r)
+        reach: Array = np.sqrt((r * weight) ** 2 @ self.used.T)
+        each = two_sided(self.watched.conditions.plain, c, each=True).each
+        low, known = each[..., 0], each[..., 1]
+        over = self._upper(x, known, reach)[1]
+        x.ceiling[:] = np.minimum(np.minimum(x.ceiling, cap), self._objective(k, far, over))
+        alive = (x.ceiling > target) & self._may_hold(c, r, np.all(low > reach, axis=1))
+        if k is not None:
+            alive &= low[:, k] - reach[:, k] <= cap
+        x, low, known, reach = x[alive], low[alive], known[alive], reach[alive]
+        found = self.bounds.of(x.C, x.R)
+        open_ = found.most > 1
+        x, low, known, reach, center, first, pull = (
+            x[open_],
+            *(y[open_] for y in (low, known, reach, found.center, found.first, found.pull)),
+        )
+        # Where the lower bounds decide nothing else, closer upper ones do not either.
+        up, over, steps = self._upper(x, known, reach)
+        least = np.where(self.surfaces, low, up)
+        closer = self._objective(k, far, least) < self._objective(k, far, up)
+        closer |= self._objective(k, far, least + reach) < x.ceiling
+        for look in (self._follow, self._begin_elsewhere):
+            rows = np.flatnonzero(closer)
+            near = x[rows]
+            look(near)
+            x.points[rows], x.slack[rows], x.asked[rows] = near.points, near.slack, near.asked
+            up[rows], over[rows], steps[rows] = self._upper(near, known[rows], reach[rows])
+            x.ceiling[:] = np.minimum(x.ceiling, self._objective(k, far, over))
+            closer &= x.ceiling > target
+        guess = np.where(center > 1, self._objective(k, far, up), -np.inf)
+        farther = np.flatnonzero(guess > reached)
+        guess[farther[~self.region.holds(x.C[farther])]] = -np.inf
+        best = np.argsort(-guess, kind="stable")[: 10 * self.best]
+        j = self._longest(x.R, up, over, steps, kept, BoxSpeeds(center, first, center, pull))
+        half, open_ = np.eye(self.arm.n)[j] * x.R / 2, x.ceiling > target
+        both = (x.moved(c, x.R - half)[open_] for c in (x.C - half, x.C + half))
+        return _Cells.joined(both), guess[best], x.C[best]
+
+    def _upper(
+        self, x: _Cells, known: Array | float = np.inf, reach: Array | float = 0.0
+    ) -> tuple[Array, Array, Array]:
+        """Upper bounds (N, F) of distances of centres, and of all of boxes; the ways to points.
+
+        They are at most ``known`` at the centres, and ``reach`` more all over the boxes.
+        """
+        weight = self.watched.weight
+        steps = np.where(self.used, np.abs(x.points - (x.C * weight)[:, None]), 0.0)
+        ends = steps + (x.R * weight)[:, None] * self.used
+        way, end = (np.linalg.norm(y, axis=2) for y in (steps, ends))
+        over = np.fmin((end + x.slack) * (1 + ROUNDING), known + reach)
+        return np.fmin(way + x.slack, known), over, steps
+
+    def _follow(self, x: _Cells, only: int | None = None, share: float = 0.0) -> None:
+        """Step from centres, or from a share of the way to points of a family, to nearer ones."""
+        conditions, families = self.watched.conditions.plain, range(len(self.each))
+        at = X = x.C * (weight := self.watched.weight)
+        if only is not None:
+            conditions, families = self.each[only], range(only, only + 1)
+            at = np.where(self.used[only], X + share * (x.points[:, only] - X), X)
+        found = two_sided(conditions, at / weight, each=True, points=True)
+        for i, f in enumerate(families):
+            points = found.points[:, i]
+            way = np.linalg.norm((points - at)[:, self.used[f]], axis=1)
+            x.take(f, points, np.maximum(found.each[:, i, 1] - way, 0.0), weight * self.used[f])
+
+    def _begin_elsewhere(self, x: _Cells) -> None:
+        """Step near the nearest of the points that are known of each surface."""
+        # Steps from the centre may lead to a point that is not the nearest. Halves know it, until
+        # they are much smaller.
+        X, turn = x.C * self.watched.weight, self.watched.conditions.turn
+        for f, (tree, points, slack) in self.clouds.items():
+            own, whole = self.used[f], np.maximum(turn, 1.0)
+            size = np.prod((x.R * self.watched.weight)[:, own] + ROUNDING, axis=1)
+            some = np.flatnonzero(size < x.asked[:, f] / 2 ** own.sum())
+            x.asked[some, f], at = size[some], X[some]
+            i = tree.query(np.where(turn > 0, at % whole, at)[:, own])[1]
+            begin = points[i] + turn * np.round((at - points[i]) / whole)
+            near, found = x[some], x[some]
+            found.points[:, f], found.slack[:, f] = begin, slack[i]
+            # Near a centre of curvature steps gain little from near the point, and miss from afar.
+            for share in (0.7, 0.5, 0.3, 0.3, 0.3):
+                self._follow(found, f, share)
+            near.take(f, found.points[:, f], found.slack[:, f], self.watched.weight * own)
+            x.points[some], x.slack[some] = near.points, near.slack
+
+    def _longest(
+        self, r: Array, up: Array, over: Array, steps: Array, kept: Array, speeds: BoxSpeeds
+    ) -> Ints:
+        """Return the joint along which each box is halved."""
+        # By what the first order says is sooner true of all of it: that speeds keep their limits,
+        # or that it is nearer than ``kept`` (F,) to a family; rather along what is wider, since one
+        # alone may never be true.
+        w, rows = r * self.watched.weight, np.arange(len(r))
+        j = np.where(self.active, speeds.pull + ROUNDING * w, -1.0).argmax(axis=1)
+        if not len(kept):
+            return np.asarray(j)
+        families = _times(over - np.where(np.isfinite(up), up, 0.0), kept - up)
+        steps = np.where(np.isfinite(steps), steps, 0.0)
+        i = (w[:, None] * (steps + w[:, None]) * self.used).argmax(axis=2)
+        families = families / np.maximum(w[rows[:, None], i], TINY)
+        f = families.argmin(axis=1)
+        by_speeds = _times(speeds.first - speeds.center, 1 - speeds.center)
+        sooner = families[rows, f] < by_speeds / np.maximum(w[rows, j], TINY)
+        return np.asarray(np.where(sooner, i[rows, f], j))
+
+    def _may_hold(self, C: Array, R: Array, clear: Bool) -> Bool:
+        """Return whether the region may have points of boxes; a posture needs clear ones."""
+        # A joint moves the tip no faster than it is far from its axis, by what follows it.
+        out = self.region.has_posture(C) | ~clear
+        if self.region.moving.any():
+            n = self.arm.n
+            here = np.linalg.norm(frame_jacobians(self.arm, C)[:, :3], axis=1)
+            speed = np.where(self.arm.prismatic, 1.0, here + sums_behind(R * self.bounds.far[:n]))
+            slack = (R * speed).sum(axis=1, keepdims=True) + ROUNDING
+            out &= (self.region.outside(C) <= slack).all(axis=1)
+        return np.asarray(out)
+
+    def _trimmed(self, C: Array, R: Array, kept: Array) -> tuple[Array, Array]:
+        """Return boxes without what is nearer than ``kept`` (F,) to families of joint values."""
+        low, high, weight = C - R, C + R, self.watched.weight
+        turn = self.watched.conditions.turn
+        for branch in self.watched.conditions.branches:
+            js = branch.joints
+            if branch.sums or not len(js):
+                continue
+            value = (
+                C[:, js]
+                - off_values(C[:, js] * weight[js], branch.values, turn[js])[0] / weight[js]
+            )
+            for i, j in enumerate(js):
+                # How far others are at most from their values leaves this one a part of the zone.
+                most = np.maximum(value - low[:, js], high[:, js] - value) * weight[js]
+                most[:, i] = 0.0
+                room = np.maximum(kept[branch.family] ** 2 - (most**2).sum(axis=1), 0.0)
+                part = np.sqrt(room) / weight[j]
+                a, b = value[:, i] - part, value[:, i] + part
+                lower = (low[:, j] >= a) & (low[:, j] < b) & (high[:, j] > b)
+                upper = (high[:, j] <= b) & (high[:, j] > a) & (low[:, j] < a)
+                low[lower, j], high[upper, j] = b[lower], a[upper]
+        return (low + high) / 2, (high - low) / 2 * (1 + 1e-12)
+
+    def _first_boxes(self) -> tuple[Array, Array]:
+        """Centres and half widths (N, n) of boxes that cover the ranges, up to symmetries."""
+        C, R = ((self.low + self.high) / 2)[None], ((self.high - self.low) / 2)[None]
+        R, alike = np.where(self.active, R, 0.0), self._symmetries()
+        for j in np.flatnonzero(self.active):
+            moves = np.unique(alike[:, :, j], axis=0)
+            if len(moves) > 1:
+                R[0, j] /= len(moves) // 2 * 2
+                C[:, j] += R[0, j] - moves[0, 1] / 2
+            # What moves this joint needs all of the ranges of others.
+            alike = alike[(alike[:, :, j] == [1, 0]).all(axis=1)]
+            parts = max(1, math.ceil(2 * R[0, j] * self.watched.weight[j] / self.wide))
+            if len(C) * parts > self.chunk:
+                continue
+            half = R[0, j] / parts
+            offsets = (2 * np.arange(parts) - parts + 1) * half
+            C, R = np.repeat(C, parts, axis=0), np.repeat(R, parts, axis=0)
+            C[:, j] += np.tile(offsets, len(C) // parts)
+            R[:, j] = half * (1 + 1e-12) + 1e-15
+        return C, R
+
+    def _symmetries(self) -> Array:
+        """Maps (s, 2, n) of configurations to others of the same speeds and distances.
+
+        Signs of joints, about the middle of their ranges, and shifts. They hold of a few random
+        configurations, so that they hold of all: both sides are analytic.
+        """
+        middle, slides = (self.low + self.high) / 2, self.arm.prismatic
+        whole = ~slides & (self.high - self.low >= 2 * np.pi)
+        moves = [(1, 0), (-1, 0), (1, np.pi), (-1, np.pi)]
+        each = [
+            moves[: (4 if w else 2) if a else 1] for a, w in zip(self.active, whole, strict=True)
+        ]
+        all_of_it = not self.region.posture and np.isinf(self.region.tip).all()
+        if not all_of_it or math.prod(map(len, each)) > self.samples:
+            each = [moves[:1]] * self.arm.n
+        maps = np.swapaxes(np.array(list(itertools.product(*each)), dtype=float), 1, 2)
+
+        def shares(Q: Array) -> Array:
+            return self.judge.shares(Q, *self.speeds)
+
+        # Squares leave signs open that the shares of speed limits tell.
+        for q, what in itertools.product(random_turns(self.arm, 8), (self._unmoved, shares)):
+            moved = middle + maps[:, 0] * (q - middle) + maps[:, 1]
+            same = np.isclose(what(moved), what(q[None]), rtol=ROUNDING, atol=ROUNDING)
+            maps = maps[same.all(axis=1)]
+        return maps
+
+    def _unmoved(self, Q: Array) -> Array:
+        """What speeds and distances of Q (N, n) rest on, whatever the axes and signs of joints."""
+        M = self.bounds.rows @ self.bounds.jacobians(Q)
+        v, w = (
+            np.swapaxes(x, 1, 2) @ x for x in (M[:, self.bounds.linear], M[:, ~self.bounds.linear])
+        )
+        each = two_sided(self.watched.conditions.plain, Q, each=True).each
+        return np.concatenate([x.reshape(len(Q), -1) for x in (v * v, w * w, v * w, each)], axis=1)
+
+    def _measures(self, far: Array) -> tuple[float, float]:
+        """Return the least sigma and largest condition number found outside the zones."""
+        # They are extreme where zones meet: many random starts are followed, along some joints each
+        # time, since a zone may end at a value of a joint.
+        begin = self._random(4 * self.samples)
+        some = self.most // 20
+        begin = begin[self._outside(far, begin, self.seen + some)]
+        if not len(begin):
+            return math.inf, math.nan
+        found, n = [], self.arm.n
+        for power in (0, 1):
+            last = self.seen + some
+            value = self._measured(begin, power)
+            best = np.argsort(-value, kind="stable")[: 6 * self.best]
+            Q, value, step = begin[best], value[best], 0.3
+            while step > self.finest:
+                size = (8, *Q.shape)
+                moves = self.rng.normal(size=size) * (self.rng.random(size) < 0.5) * self.active
+                moved = np.clip(Q + moves * step, self.low, self.high).reshape(-1, n)
+                new = self._measured(moved, power)
+                better = np.flatnonzero(new > np.tile(value, 8))
+                out = better[self._outside(far, moved[better], last)]
+                new[np.delete(np.arange(len(new)), out)] = 0.0
+                which = (new.reshape(8, -1).argmax(axis=0), np.arange(len(Q)))
+                better = new.reshape(8, -1)[which] > value
+                Q = np.where(better[:, None], moved.reshape(size)[which], Q)
+                value, step = np.where(better, new.reshape(8, -1)[which], value), step * 0.85
+            found.append(float(value.max()))
+        return 1 / found[0], found[1]
+
+    def _measured(self, Q: Array, power: int) -> Array:
+        """1 / the least sigma of Q (N, n) for power 0, and the condition number for 1."""
+        sigma = np.asarray(singular_values(self.arm, Q))[:, : self.judge.rank]
+        return np.asarray(sigma[:, 0] ** power / np.maximum(sigma[:, -1], 1e-300))
+
+    def _outside(self, far: Array, Q: Array, last: int) -> Bool:
+        """Whether Q (N, n) are in the region and proven outside the zones, by ``last`` boxes."""
+        each = two_sided(self.watched.conditions.plain, Q, each=True, points=True).each
+        low, up = each[..., 0], each[..., 1]
+        out = np.asarray((low > far).all(axis=1))
+        # What only may be outside is looked at closely, some of it.
+        most = 16 * self.few
+        many = min(self.chunk // 8, max(0, last - self.seen) * self.cheap // most)
+        maybe = np.flatnonzero((up > far).all(axis=1) & ~out)[:many]
+        out[maybe] = (self._nearest(Q[maybe], self.finest, most)[0] > far).all(axis=1)
+        out[out] = self.region.holds(Q[out])
+        return out
+
+
+def _called(family: Family) -> str:
+    """Name of a family, with its condition unless that is a long equation."""
+    name = titled(family.name, family.title)
+    plain = family.title or not any(branch.equations for branch in family.branches)
+    return f"{name}: {family.where(every=True)}" if plain else name
+
+
+def _times(more: Array, room: Array) -> Array:
+    """Return more / room, infinite without room."""
+    return np.asarray(np.where(room > 0, more / np.maximum(room, ROUNDING), np.inf))

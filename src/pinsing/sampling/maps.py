@@ -29,8 +29,7 @@ from pinsing.kinematics.batch import PINOCCHIO, Batch, batch, own_scale
 from pinsing.kinematics.verdict import generic_rank, measured, run_identity, scale_notes
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL, Array, ArrayLike, Bool, NDArray
 from pinsing.prose import PLAIN, Page, Span, Table, alarm, caution, verdict
-from pinsing.proximity.clearance import nearest_family
-from pinsing.proximity.watched import Forms, require_forms_of, watch
+from pinsing.proximity.clearance import Forms, nearest_family, require_forms_of, watch
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.sampling.execute import Job, Progress, RunOptions, Tell, planned_batch, running
 from pinsing.sampling.tally import (

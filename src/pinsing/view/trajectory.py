@@ -10,9 +10,9 @@ import numpy as np
 
 from pinsing.errors import PinsingError
 from pinsing.measures import Array
+from pinsing.proximity.clearance import titled
 from pinsing.proximity.trajectory import TrajectoryCheck, check_trajectory, summary
 from pinsing.proximity.trajectory_file import read_trajectory
-from pinsing.proximity.watched import titled
 from pinsing.robot.arm import Arm
 
 FRAMES = 400
