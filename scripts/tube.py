@@ -25,7 +25,7 @@ from pinsing.algebra.nearest import two_sided
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.measures import Chain
 from pinsing.proximity.clearance import watch
-from pinsing.robot.chain import chain_model, flatten
+from pinsing.robot.nominal import chain_model, flatten
 
 ARMS = ("ur5e", "puma560", "irb1400", "iiwa14", "panda")
 

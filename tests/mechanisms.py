@@ -90,7 +90,7 @@ def from_model(
     model: pin.Model, loops: list[Loop], actuated: list[str], output: str, rows: str
 ) -> Mechanism:
     """A mechanism without a side-car file."""
-    from pinsing.robot.source import Source
+    from pinsing.robot.arm import Source
     from pinsing.robot.task import parse_task
 
     joints = tuple(model.names)[1:]

@@ -28,7 +28,7 @@ import pinsing
 from pinsing.description.catalog import data_folder
 from pinsing.errors import PinsingError
 from pinsing.families import prove
-from pinsing.kinematics.verdict import generic_rank
+from pinsing.kinematics.jacobian import generic_rank
 from pinsing.robot.arm import Arm
 
 SEARCH, PROOF, WHOLE = 8.0, 4.0, 40.0

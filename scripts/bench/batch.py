@@ -22,10 +22,10 @@ import pinocchio as pin
 from peers import missing, peers
 
 from pinsing._batch import engine
-from pinsing.kinematics.verdict import fixed_batch
+from pinsing.kinematics.jacobian import fixed_batch
 from pinsing.robot.arm import Arm
-from pinsing.robot.chain import flatten
 from pinsing.robot.load import load
+from pinsing.robot.nominal import flatten
 from pinsing.sampling.maps import MapJob, compute_map_chunk, plan_map
 
 ROBOTS = "cmeel.prefix/share/example-robot-data/robots"

@@ -15,7 +15,7 @@ from closed_form import ARMS
 
 import pinsing
 from pinsing.errors import PinsingError
-from pinsing.kinematics.verdict import generic_rank
+from pinsing.kinematics.jacobian import generic_rank
 from pinsing.robot.arm import Arm
 
 MORE = {

@@ -132,7 +132,7 @@ def sigma_ratio(sigma: ArrayLike, generic_rank: int | None = None, size: float =
     """sigma_r / sigma_1 from singular values (..., k), largest first; 0 for a zero Jacobian.
 
     Where all of J can vanish, sigma_1 says nothing of how small sigma_r is: it then counts
-    as no smaller than ``size``, a typical sigma_1 (see `pinsing.kinematics.verdict`).
+    as no smaller than ``size``, a typical sigma_1 (see `pinsing.kinematics.jacobian`).
     """
     sigma = np.asarray(sigma, dtype=float)
     r = sigma.shape[-1] if generic_rank is None else generic_rank

@@ -15,7 +15,7 @@ from pinsing.description.catalog import find_robot, known_arms, known_robots, lo
 from pinsing.description.dh_table import bare_urdf, known_table
 from pinsing.errors import UnknownNameError
 from pinsing.proof.checker import verify
-from pinsing.robot.chain import chain_model, flatten
+from pinsing.robot.nominal import chain_model, flatten
 
 SECOND = yaml.load(
     (Path(__file__).parent / "arms_second_source.yaml").read_text(), Loader=yaml.CSafeLoader

@@ -11,8 +11,7 @@ from pinsing.families.long_chain import LongChain
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.solve import joint_symbols
 from pinsing.families.zero_set import SearchBox, draw, peeled, residuals
-from pinsing.kinematics.jacobian import generic_rank, task_jacobians
-from pinsing.kinematics.verdict import ratios
+from pinsing.kinematics.jacobian import generic_rank, ratios, task_jacobians
 from pinsing.robot.nominal import nominal
 
 

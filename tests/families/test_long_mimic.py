@@ -18,8 +18,7 @@ from pinsing.algebra.minors import NearMinors
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.solve import joint_symbols
 from pinsing.families.zero_set import OwnPoints, SearchBox
-from pinsing.kinematics.jacobian import task_jacobians
-from pinsing.kinematics.verdict import ratios
+from pinsing.kinematics.jacobian import ratios, task_jacobians
 from pinsing.robot.nominal import PRIMES, nominal
 
 LENGTHS, OFFSETS, TWISTS = (0.2, 0.15, 0.25), (0.1, 0.05), (90, -90)

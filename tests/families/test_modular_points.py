@@ -11,8 +11,7 @@ from pinsing.algebra.minors import NearMinors
 from pinsing.families.long_chain import LongChain, ModularPoints, solving_order
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.solve import joint_symbols
-from pinsing.kinematics.jacobian import generic_rank
-from pinsing.kinematics.verdict import ratios
+from pinsing.kinematics.jacobian import generic_rank, ratios
 from pinsing.robot.nominal import nominal
 
 

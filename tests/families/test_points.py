@@ -20,9 +20,8 @@ from pinsing.families.form import families_text
 from pinsing.families.solve import joint_symbols
 from pinsing.families.steps import ComponentSearch
 from pinsing.families.zero_set import OwnPoints, SearchBox, System, project, search
-from pinsing.kinematics.jacobian import generic_rank
-from pinsing.kinematics.verdict import ratios
-from pinsing.robot.joint_space import JointSpace
+from pinsing.kinematics.jacobian import generic_rank, ratios
+from pinsing.robot.arm import JointSpace
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
 

@@ -20,7 +20,7 @@ from pinsing.algebra.ring import make_ring
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.families import closed_form
 from pinsing.families.form import families_text
-from pinsing.kinematics.verdict import ratios
+from pinsing.kinematics.jacobian import ratios
 from pinsing.plot.curves import singular_values_of
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal

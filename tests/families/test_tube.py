@@ -23,11 +23,10 @@ from pinsing.proximity.clearance import distances
 from pinsing.proximity.guard import make_guard
 from pinsing.report.arm_report import robot
 from pinsing.report.info import describe, gather
-from pinsing.robot import design as designs
+from pinsing.robot import nominal as designs
 from pinsing.robot.arm import Arm
 from pinsing.robot.calibration import LINKS, calibrated, known_like
-from pinsing.robot.chain import chain_model, flatten
-from pinsing.robot.design import assumed_design, assumptions, design_of, differences
+from pinsing.robot.nominal import assumed_design, chain_model, design_of, differences, flatten
 
 Q = np.array([0.0, -1.2, 1.3, -1.0, -1.5, 0.0])
 UR5E = {
@@ -302,7 +301,7 @@ def test_list_says_of_the_design_what_families_say(form) -> None:
     found = replace(arm, design=assumed_design(arm))  # as of a URDF
     for each in (form, pinsing.closed_form(found, prove=False)):
         info = describe(each.loaded)
-        by_axis = assumptions(each.tube.assumed)
+        by_axis = designs.assumptions(each.tube.assumed)
         assert info.geometry() == f"families are of {each.deviation}; {by_axis}"
         assert by_axis in " ".join(families_text(each).split())
         assert type(info).from_json(info.to_json()).geometry() == info.geometry()

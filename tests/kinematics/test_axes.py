@@ -10,13 +10,11 @@ import pytest
 from arms import place, serial
 from scipy.optimize import brentq
 
-from pinsing.kinematics.batch import own_scale
-from pinsing.kinematics.jacobian import frame_jacobian, task_jacobian, tip_placement
+from pinsing.kinematics.jacobian import frame_jacobian, own_scale, task_jacobian, tip_placement
 from pinsing.kinematics.lost_motion import DEPENDENCE_RTOL, ColumnRanks, JointAxes, dependences_of
-from pinsing.robot.arm import Arm
+from pinsing.robot.arm import Arm, Coupling
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
-from pinsing.robot.source import Coupling
 
 HALF_PI = np.pi / 2
 

@@ -12,7 +12,7 @@ import pinsing
 from pinsing._batch import engine as kernel
 from pinsing._batch.built_from import SUFFIXES, fingerprint, why_stale
 from pinsing.errors import EngineError, OptionError
-from pinsing.kinematics import batch, jacobian as kinematics
+from pinsing.kinematics import jacobian as kinematics
 from pinsing.robot.load import load
 
 
@@ -56,8 +56,8 @@ def test_a_kernel_that_differs_is_refused(monkeypatch):
     arm = load("ur5")
     honest = kernel.jacobians
     monkeypatch.setattr(kernel, "jacobians", lambda *a, **k: honest(*a, **k) + 1e-11)
-    assert batch.fixed_engine(arm) == batch.PINOCCHIO
-    assert "differs from Pinocchio" in batch.engine_name(arm)
+    assert kinematics.fixed_engine(arm) == kinematics.PINOCCHIO
+    assert "differs from Pinocchio" in kinematics.engine_name(arm)
     with pytest.raises(EngineError, match="differs from Pinocchio"):
         kinematics.frame_jacobians(arm, np.zeros((1, 6)), engine="batch")
     J = kinematics.frame_jacobians(arm, np.zeros((1, 6)))[0]
@@ -92,7 +92,7 @@ def test_a_kernel_of_other_sources_is_left_aside_and_zones_say_so(monkeypatch):
     monkeypatch.setattr(kernel, "_missing", "it is older than the sources")
     arm = load("scara")
     assert pinsing.at(arm, [0, 0.5, 0.1, 0]).q[1] == 0.5
-    assert "older than the sources" in batch.engine_name(arm)
+    assert "older than the sources" in kinematics.engine_name(arm)
     form = pinsing.closed_form(arm)
     with pytest.raises(EngineError, match="zones need the compiled kernel: it is older"):
         pinsing.zones(form, joint_speeds=[5, 5, 1, 10])
@@ -108,7 +108,7 @@ def test_without_the_kernel_pinocchio_runs(monkeypatch):
     monkeypatch.setattr(kernel, "unavailable_reason", lambda: "not built")
     arm = load("ur5")
     Q = configurations(arm, 3)
-    assert batch.engine_name(arm) == "Pinocchio and NumPy (not built)"
+    assert kinematics.engine_name(arm) == "Pinocchio and NumPy (not built)"
     data = arm.model.createData()
     for q, J in zip(Q, kinematics.frame_jacobians(arm, Q), strict=True):
         expected = pin.computeFrameJacobian(arm.model, data, q, arm.tip_id, pin.LOCAL_WORLD_ALIGNED)

@@ -9,8 +9,7 @@ from tiers import sampled
 
 from pinsing._batch import engine as kernel
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
-from pinsing.kinematics.batch import batch, own_scale
-from pinsing.kinematics.jacobian import generic_rank, singular_values
+from pinsing.kinematics.jacobian import batch, generic_rank, own_scale, singular_values
 from pinsing.kinematics.refine import approach, constraint_gradient, refine, refine_many
 
 ARMS = {

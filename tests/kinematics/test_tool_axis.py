@@ -16,8 +16,7 @@ from urdf_text import J, Y, Z, urdf
 import pinsing
 from pinsing._batch import engine
 from pinsing.errors import OptionError
-from pinsing.kinematics.batch import PINOCCHIO, tip_rotations
-from pinsing.kinematics.jacobian import own_jacobians_and_derivatives, tip_placement
+from pinsing.kinematics.jacobian import own_jacobians_and_derivatives, tip_placement, tip_rotations
 from pinsing.proof.checker import Rejected, verify
 from pinsing.robot.task import parse_task
 from pinsing.view.entries import engine_data
@@ -93,9 +92,11 @@ def test_derivatives_and_engines_agree(task, rng):
     numeric = differences(lambda x: own_jacobians_and_derivatives(arm, x)[0], Q)
     np.testing.assert_allclose(H, numeric, atol=1e-8)
     compiled = ("auto", "baseline") if engine.available() else ("auto",)
-    by = [pinsing.singular_values(arm, Q, engine=e) for e in (*compiled, PINOCCHIO)]
+    by = [pinsing.singular_values(arm, Q, engine=e) for e in (*compiled, "pinocchio")]
     np.testing.assert_allclose(by, [by[0]] * len(by), atol=1e-12)
-    np.testing.assert_allclose(tip_rotations(arm, Q), tip_rotations(arm, Q, PINOCCHIO), atol=1e-12)
+    np.testing.assert_allclose(
+        tip_rotations(arm, Q), tip_rotations(arm, Q, "pinocchio"), atol=1e-12
+    )
 
 
 def with_the_turn(arm, q, axis):

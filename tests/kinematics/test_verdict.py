@@ -11,9 +11,16 @@ mpl.use("Agg")
 
 from pinsing import at
 from pinsing.kinematics import generic_rank
-from pinsing.kinematics.batch import PINOCCHIO, own_scale
+from pinsing.kinematics.jacobian import (
+    fixed_batch,
+    measure,
+    measured,
+    own_scale,
+    own_shares,
+    ratios,
+)
 from pinsing.kinematics.refine import describe
-from pinsing.kinematics.verdict import fixed_batch, measure, measured, own_shares, ratios, status_of
+from pinsing.measures import status_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.sampling import plan_map, sigma_map, sweep
@@ -71,7 +78,7 @@ def test_all_that_judge_agree(name: str, task: str, metre: float, length_scale: 
     assert "regular" in expected
     assert "singular" in expected or (str(arm.task) == "orientation" and arm.n == 3)
     assert [status_of(float(r)) for r in ratios(arm, Q)] == expected
-    assert [status_of(float(r)) for r in ratios(arm, Q, engine=PINOCCHIO)] == expected
+    assert [status_of(float(r)) for r in ratios(arm, Q, engine="pinocchio")] == expected
     assert [status_of(float(r)) for r in measured(fixed_batch(arm), Q).ratio] == expected
     assert [status_of(float(r)) for r in own_shares(arm, Q)[:, -1]] == expected
     assert [describe(arm, q).status for q in Q] == expected

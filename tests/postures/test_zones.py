@@ -19,7 +19,7 @@ from pinsing.kinematics.tip_speed import SpeedJudge
 from pinsing.proximity import zones as zone_search
 from pinsing.proximity.clearance import watch
 from pinsing.proximity.zones import Region, parts_of
-from pinsing.robot.chain import chain_model, flatten
+from pinsing.robot.nominal import chain_model, flatten
 
 CASES = [
     ("ur5", {}, None),

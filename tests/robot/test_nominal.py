@@ -13,13 +13,11 @@ from hypothesis import given, strategies as st
 from tiers import sampled, tiered_rows
 from urdf_text import J, Y, urdf
 
-from pinsing.kinematics.jacobian import frame_jacobian, frame_jacobians, tip_placement
-from pinsing.kinematics.verdict import generic_rank
+from pinsing.kinematics.jacobian import frame_jacobian, frame_jacobians, generic_rank, tip_placement
 from pinsing.measures import Chain
 from pinsing.robot.arm import Arm
-from pinsing.robot.chain import flatten
 from pinsing.robot.load import load
-from pinsing.robot.nominal import ANGLE_TOL, Deviation, Nominal, nominal
+from pinsing.robot.nominal import ANGLE_TOL, Deviation, Nominal, flatten, nominal
 from pinsing.robot.surd import Surd, cosine, sine
 
 IDENTITY = ((1, 0, 0), (0, 1, 0), (0, 0, 1))

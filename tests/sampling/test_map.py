@@ -24,10 +24,10 @@ from pinsing.errors import (
     UnknownNameError,
     WorkerError,
 )
-from pinsing.kinematics.verdict import fixed_batch, fixed_engine
+from pinsing.kinematics.jacobian import fixed_batch, fixed_engine
 from pinsing.measures import sigma_ratio
+from pinsing.robot.arm import Coupling
 from pinsing.robot.load import load
-from pinsing.robot.source import Coupling
 from pinsing.sampling import MapResult, maps, plan_map, sigma_map
 from pinsing.sampling.executors import local_processes
 from pinsing.sampling.maps import BLOCK, grid_axis, grid_points, put_points, unit_points

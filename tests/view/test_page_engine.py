@@ -16,8 +16,7 @@ from urdf_text import J, Y, Z, frame, urdf
 
 from pinsing import at, closed_form, load, singular_values
 from pinsing.algebra.equation import Equation
-from pinsing.kinematics.jacobian import frame_jacobian, tip_placement
-from pinsing.kinematics.verdict import ratios, status_of
+from pinsing.kinematics.jacobian import frame_jacobian, ratios, status_of, tip_placement
 from pinsing.measures import pure_ellipsoids
 from pinsing.robot.arm import Arm
 from pinsing.view.entries import Entry, engine_data, equation_data, family_entries

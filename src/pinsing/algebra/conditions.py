@@ -32,7 +32,7 @@ from pinsing.algebra.ring import Value
 from pinsing.algebra.trig_sum import COMBINED, TrigSum
 from pinsing.errors import OptionError
 from pinsing.measures import ROUNDING, Array, Bool, Ints
-from pinsing.robot.joint_space import JointSpace
+from pinsing.robot.arm import JointSpace
 
 NORMS = ("euclidean", "max")
 

@@ -28,7 +28,7 @@ from flint import Ordering, fmpz_mpoly_ctx
 
 from pinsing.algebra.ring import Poly, Ring, terms_of, whole_terms
 from pinsing.measures import Array, ArrayLike, Bool, Ints
-from pinsing.robot.source import Memory
+from pinsing.robot.arm import Memory
 from pinsing.robot.surd import SQUARES, Exact, exact_of, exact_text, parts_of, surd
 
 

@@ -108,10 +108,16 @@ class RobotRequest:
 
     def load(self, quiet: bool = False) -> Arm:
         """Load the arm, and tell on stderr what was assumed."""
-        from pinsing.robot.chain import flatten
-        from pinsing.robot.design import ANGLE, design_of, differences, is_odd
         from pinsing.robot.load import ASSUMED, load
-        from pinsing.robot.nominal import USUAL, nominal
+        from pinsing.robot.nominal import (
+            ANGLE,
+            USUAL,
+            design_of,
+            differences,
+            flatten,
+            is_odd,
+            nominal,
+        )
 
         arm = load(
             self.robot,

@@ -51,16 +51,13 @@ from pinsing.families.zero_set import (
     residuals,
 )
 from pinsing.kinematics.at import Loss, State, loss_at
-from pinsing.kinematics.batch import batch
-from pinsing.kinematics.jacobian import frame_jacobians
+from pinsing.kinematics.jacobian import batch, frame_jacobians, generic_rank, own_shares, ratios
 from pinsing.kinematics.lost_motion import STRUCTURE_TOL, JointAxes, arm_centres, generic_axes
 from pinsing.kinematics.refine import kinds_many
-from pinsing.kinematics.verdict import generic_rank, own_shares, ratios
 from pinsing.measures import ALIKE, SEED, Array, Bool, Reachability
 from pinsing.prose import listed
-from pinsing.robot.arm import Arm
+from pinsing.robot.arm import Arm, kept
 from pinsing.robot.nominal import Nominal
-from pinsing.robot.source import kept
 
 
 def mirror_key(piece: SolvedPiece) -> object:

@@ -36,8 +36,7 @@ from pinsing.families.zero_set import (
 from pinsing.measures import ROUNDING, Array, ArrayLike, Bool, Reachability
 from pinsing.notebook import formula, legend, marked, name, table, text
 from pinsing.prose import listed
-from pinsing.robot.arm import Arm
-from pinsing.robot.joint_space import JointSpace, require_values
+from pinsing.robot.arm import Arm, JointSpace, require_values
 from pinsing.serialization import JsonResult
 
 

@@ -29,9 +29,8 @@ from pinsing.families.tube import Tube
 from pinsing.measures import SINGULAR_RTOL, ArrayLike
 from pinsing.prose import PLAIN, Page, Span, caution, formula, good, measured, unbroken, visible
 from pinsing.robot.arm import Arm, ArmSummary
-from pinsing.robot.design import assumptions
 from pinsing.robot.load import LOOPS
-from pinsing.robot.nominal import Deviation, Nominal
+from pinsing.robot.nominal import Deviation, Nominal, assumptions
 from pinsing.serialization import JsonResult
 
 

@@ -45,8 +45,7 @@ from pinsing.algebra.minors import NearMinors, NotSquare
 from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value, coefficients_by
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.zero_set import SearchBox, gradients, project
-from pinsing.kinematics.jacobian import task_jacobians
-from pinsing.kinematics.verdict import ratios
+from pinsing.kinematics.jacobian import ratios, task_jacobians
 from pinsing.measures import Array, Bool
 from pinsing.robot.nominal import PRIMES, Nominal
 from pinsing.robot.surd import residue

@@ -31,10 +31,20 @@ from pinsing.families.tube import find_tube
 from pinsing.kinematics.jacobian import generic_rank
 from pinsing.measures import ROUNDING
 from pinsing.robot.arm import Arm, summarize
-from pinsing.robot.chain import flatten, jacobian_change
-from pinsing.robot.design import ANGLE, LENGTH, design_of, deviation_of
 from pinsing.robot.load import load
-from pinsing.robot.nominal import ANGLE_TOL, Deviation, Nominal, Snap, nominal
+from pinsing.robot.nominal import (
+    ANGLE,
+    ANGLE_TOL,
+    LENGTH,
+    Deviation,
+    Nominal,
+    Snap,
+    design_of,
+    deviation_of,
+    flatten,
+    jacobian_change,
+    nominal,
+)
 
 if TYPE_CHECKING:
     from pinsing.families.design_form import DesignForm

@@ -41,8 +41,7 @@ from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.refine import approach
 from pinsing.measures import ROUNDING, Array, Ints
 from pinsing.robot.arm import Arm
-from pinsing.robot.chain import flatten
-from pinsing.robot.design import AxisDifference, differences
+from pinsing.robot.nominal import AxisDifference, differences, flatten
 
 
 @dataclass(frozen=True)

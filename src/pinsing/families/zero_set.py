@@ -21,12 +21,9 @@ import numpy as np
 from pinsing.algebra.conditions import Branch, Conditions
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.nearest import SearchOptions, nearest_points
-from pinsing.kinematics.batch import own_scale
-from pinsing.kinematics.jacobian import own_jacobians_and_derivatives
-from pinsing.kinematics.verdict import ratios
+from pinsing.kinematics.jacobian import own_jacobians_and_derivatives, own_scale, ratios
 from pinsing.measures import FLOAT_NOISE, NOISE, ROUNDING, Array, Bool
-from pinsing.robot.arm import Arm
-from pinsing.robot.joint_space import JointSpace
+from pinsing.robot.arm import Arm, JointSpace
 from pinsing.serialization import JsonResult
 
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         frame_jacobian as frame_jacobian,
         frame_jacobians as frame_jacobians,
         generic_rank as generic_rank,
+        regular_radius as regular_radius,
         singular_values as singular_values,
         task_jacobian as task_jacobian,
         task_jacobians as task_jacobians,
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
         refine_many as refine_many,
     )
     from pinsing.kinematics.tip_speed import TipSpeeds as TipSpeeds, tip_speeds as tip_speeds
-    from pinsing.kinematics.verdict import regular_radius as regular_radius
 
 public(
     __name__,
@@ -36,10 +36,9 @@ public(
         "at": "State at",
         "inverse": "InverseSolutions inverse",
         "inverse_velocity": "InverseVelocity inverse_velocity",
-        "jacobian": "frame_jacobian frame_jacobians generic_rank singular_values "
+        "jacobian": "frame_jacobian frame_jacobians generic_rank regular_radius singular_values "
         "task_jacobian task_jacobians",
         "refine": "SingularConfiguration refine refine_many",
         "tip_speed": "TipSpeeds tip_speeds",
-        "verdict": "regular_radius",
     },
 )

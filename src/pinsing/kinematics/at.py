@@ -12,8 +12,23 @@ import numpy as np
 
 from pinsing import measures, notebook
 from pinsing.arguments import checked
-from pinsing.kinematics.batch import in_base, own_scale
-from pinsing.kinematics.jacobian import generic_task, scale_rows, tip_and_jacobian
+from pinsing.kinematics.jacobian import (
+    NEAR_RTOL,
+    SINGULAR_RTOL,
+    Status,
+    check_tolerances,
+    generic_rank,
+    generic_task,
+    in_base,
+    own_scale,
+    rank_of,
+    ratio_of,
+    ratios,
+    scale_notes,
+    scale_rows,
+    status_of,
+    tip_and_jacobian,
+)
 from pinsing.kinematics.lost_motion import (
     DEPENDENCE_RTOL,
     AxisDependence,
@@ -27,23 +42,10 @@ from pinsing.kinematics.lost_motion import (
     vector,
 )
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge, TipSpeeds, check_speeds
-from pinsing.kinematics.verdict import (
-    NEAR_RTOL,
-    SINGULAR_RTOL,
-    Status,
-    check_tolerances,
-    generic_rank,
-    rank_of,
-    ratio_of,
-    ratios,
-    scale_notes,
-    status_of,
-)
 from pinsing.measures import PRACTICAL, Array, ArrayLike
 from pinsing.prose import PLAIN, Page, Span, listed, measured, unbroken, verdict
-from pinsing.robot.arm import Arm, ArmSummary, summarize
+from pinsing.robot.arm import Arm, ArmSummary, kept, summarize
 from pinsing.robot.nominal import nominal
-from pinsing.robot.source import kept
 from pinsing.robot.task import parse_task
 from pinsing.serialization import JsonResult
 
@@ -124,7 +126,7 @@ class State(JsonResult):
         Here, and at almost every configuration.
     sigma_ratio : float
         sigma_r / sigma_1 with r the generic rank, at the arm's own scale
-        (`pinsing.kinematics.batch`): that of ``sigma`` for a length scale as long as the arm.
+        (`pinsing.kinematics.jacobian`): that of ``sigma`` for a length scale as long as the arm.
     rtol, near_rtol : float
         The ratio at or below which the configuration is singular, or near-singular.
     status : str

@@ -20,14 +20,12 @@ import numpy as np
 from pinsing._batch import engine
 from pinsing.arguments import MAX_SEED, checked, typed, whole_number
 from pinsing.errors import ConfigurationError, EngineError, OptionError, UnknownNameError
-from pinsing.kinematics.jacobian import read_pose, task_jacobian
+from pinsing.kinematics.jacobian import ROWS, generic_rank, ratios, read_pose, task_jacobian
 from pinsing.kinematics.ladder import ladder_of
 from pinsing.kinematics.newton import Solver, radii
-from pinsing.kinematics.verdict import ROWS, generic_rank, ratios
 from pinsing.measures import ALIKE, PRACTICAL, ROUNDING, Array, ArrayLike, Bool, Ints
 from pinsing.robot.arm import Arm, ArmSummary, summarize
-from pinsing.robot.chain import flatten
-from pinsing.robot.nominal import nominal
+from pinsing.robot.nominal import flatten, nominal
 from pinsing.robot.task import POSE
 from pinsing.serialization import JsonResult
 

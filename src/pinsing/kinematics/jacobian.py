@@ -1,33 +1,740 @@
-"""Jacobians of an arm: one straight from Pinocchio, or millions checked against it.
+"""Jacobians of an arm, their singular values, and the verdicts that stand on these.
 
 Every Jacobian here is the frame Jacobian of the tip: (6, n), translation rows first,
 LOCAL_WORLD_ALIGNED, in the axes of the arm's base, metres and radians. The *task*
 Jacobian has the rows of the arm's task, translation rows divided by its length scale.
+
+Batches are computed by the compiled kernel, or by Pinocchio's own loop, which is the authority:
+before the kernel is used for an arm it is compared with ``pin.computeFrameJacobian`` at random
+configurations, and refused if it differs.
+
+Singular, near-singular or regular is decided here for everything that asks. The measure is sigma_r
+/ sigma_1 of the task Jacobian at the arm's own scale (`OwnScale`), with r the generic rank. The
+length scale changes sigma, and not the verdict. Where all of the task can vanish, sigma_1 counts as
+no smaller than it commonly is.
+
+How far around a configuration an arm is regular is proven from its Jacobian alone.
+With the Jacobian J = U S V^T at q and h = S^(-1/2), J + D has the rank of J where
+``|h U^T D V h| < 1``: ``h U^T (J + D) V h`` is then the identity and less, so regular. Along joint
+steps d, ``D = sum d_k J_k + R`` with the derivatives J_k, which are Lie brackets of screws (Murray,
+Li, Sastry, "A Mathematical Introduction to Robotic Manipulation", 1994, ch. 3), and a rest
+``|R| <= K |d|^2 / 2``. Screws are written in the frame of a link in the middle of the chain, from
+where fewer joints move each of them: K is small. The rank is the same in all frames.
+It asks for no family and no design: a calibrated arm, or one whose families are not all known.
 """
 
 from __future__ import annotations
 
+import hashlib
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
 import numpy as np
 import pinocchio as pin
 
+from pinsing._batch import engine as kernel
+from pinsing._version import __version__
 from pinsing.arguments import checked
-from pinsing.errors import ConfigurationError
-from pinsing.kinematics.batch import (
-    batch,
-    each_cross,
-    joint_frames,
-    model_values,
-    own_scale,
-    random_turns,
-    scale_rows as scale_rows,
-    turned_slopes,
+from pinsing.errors import ConfigurationError, EngineError, OptionError
+from pinsing.measures import (
+    ALIKE,
+    NEAR_RTOL as NEAR_RTOL,
+    NOISE,
+    ROUNDING,
+    SEED,
+    SINGULAR_RTOL as SINGULAR_RTOL,
+    Array,
+    ArrayLike,
+    Bool,
+    Chain,
+    Status as Status,
+    sigma_ratio,
+    status_of as status_of,
 )
-from pinsing.kinematics.verdict import generic_rank as generic_rank
-from pinsing.measures import Array, ArrayLike
-from pinsing.robot.arm import Arm
-from pinsing.robot.chain import flatten
-from pinsing.robot.nominal import nominal
-from pinsing.robot.source import kept
+from pinsing.robot.arm import Arm, kept
+from pinsing.robot.nominal import exact_generic_rank, flatten, nominal
+from pinsing.robot.task import Task
+
+PINOCCHIO = "pinocchio"
+ENGINES = ("auto", "batch", PINOCCHIO)
+INSTRUCTION_SETS = ("baseline", "avx2", "avx512")
+
+
+def _chain_or_reason(arm: Arm) -> Chain | str:
+    """The arm's chain for the kernel, or why there is none."""
+    # A kernel that does not match the sources cannot be verified.
+    return kernel.unavailable_reason() or _verified(arm)
+
+
+def kernel_chain(arm: Arm) -> Chain:
+    """The arm's chain for the kernel; EngineError if there is none, or it is not Pinocchio's."""
+    found = _chain_or_reason(arm)
+    if isinstance(found, str):
+        raise EngineError(found)
+    return found
+
+
+def fixed_engine(arm: Arm, engine: str = "auto") -> str:
+    """Return ``pinocchio``, or the best or given instruction set (baseline, avx2, avx512)."""
+    # EngineError if it is not there, or disagrees with Pinocchio on this arm.
+    here = kernel.isa_names()
+    if engine == PINOCCHIO or (engine == "auto" and isinstance(_chain_or_reason(arm), str)):
+        return PINOCCHIO
+    if engine in (*here, "auto", "batch"):
+        kernel_chain(arm)
+        return engine if engine in here else here[-1]
+    if engine in INSTRUCTION_SETS:
+        has = ", ".join(here) or "no compiled kernel"
+        EngineError.refuse_if(
+            here and engine not in kernel.built_names(),
+            f"engine {engine} was not compiled here; this installation has {has} "
+            "(pip install -e . in the clone compiles all)",
+        )
+        raise EngineError(f"engine {engine} does not run on this machine; it has {has}")
+    names = dict.fromkeys((*ENGINES, *here))
+    raise OptionError(f"unknown engine {engine!r}: use one of {', '.join(names)}")
+
+
+def engine_name(arm: Arm) -> str:
+    """Say in a few words what computes batches for ``arm`` on this machine."""
+    found = _chain_or_reason(arm)
+    if isinstance(found, Chain):
+        return f"compiled batch kernel ({kernel.isa_names()[-1]}), checked against Pinocchio"
+    return f"Pinocchio and NumPy ({found})"
+
+
+def model_values(arm: Arm, Q: Array) -> Array:
+    """Plain value of every joint of the model, mimic joints included: (N, n) -> (N, nv)."""
+    return Q if arm.coupling is None else arm.coupling.values(Q)
+
+
+def pinocchio_jacobians(arm: Arm, Q: Array) -> Array:
+    """Frame Jacobians (N, 6, nv) by every velocity of the model, mimic joints on their own."""
+    model, tip = arm.model, arm.tip_id
+    data = model.createData()  # a Data of its own: threads may share the arm
+    frame, compute = pin.LOCAL_WORLD_ALIGNED, pin.computeFrameJacobian
+    out = np.empty((len(Q), 6, model.nv))
+    for i, q in enumerate(arm.model_q(Q)):
+        # Pinocchio drops the second axis of a single column.
+        out[i] = compute(model, data, q, tip, frame).reshape(6, model.nv)
+    return out
+
+
+@kept
+def _verified(arm: Arm) -> Chain | str:
+    """The flat chain if the kernel agrees with Pinocchio on it, else why it may not be used."""
+    chain, rng = flatten(arm), np.random.default_rng(SEED)
+    size = float(np.abs(chain.t).max()) or 1.0
+    Q = rng.uniform(-1, 1, (_SAMPLES, arm.n)) * np.where(arm.prismatic, size, 2 * np.pi)
+    ours, theirs = kernel.jacobians(chain, model_values(arm, Q)), pinocchio_jacobians(arm, Q)
+    moved, turned = np.abs(ours - theirs).max(axis=(0, 2)).reshape(2, 3).max(axis=1)
+    error = max(float(turned), float(moved) / max(size, float(np.abs(theirs[:, :3]).max())))
+    if not error <= NOISE:
+        return f"the compiled kernel differs from Pinocchio by {error:.1e} on this arm"
+    return chain
+
+
+def joint_frames(chain: Chain, Q: Array) -> tuple[Array, Array]:
+    """Rotations (N, n + 1, 3, 3) and origins (N, n + 1, 3) of joints before they move, and tip."""
+    R = np.broadcast_to(chain.R[0], (len(Q), 3, 3))
+    p = np.broadcast_to(chain.t[0], (len(Q), 3))
+    rotations, origins = [R], [p]
+    for j, slides in enumerate(chain.prismatic):
+        if slides:
+            p = p + R[:, :, 2] * Q[:, j, None]
+        else:
+            c, s = np.cos(Q[:, j, None]), np.sin(Q[:, j, None])
+            x, y, z = np.moveaxis(R, 2, 0)
+            R = np.stack([x * c + y * s, y * c - x * s, z], axis=2)
+        p = p + R @ chain.t[j + 1]
+        R = R @ chain.R[j + 1]
+        rotations.append(R)
+        origins.append(p)
+    return np.stack(rotations, axis=1), np.stack(origins, axis=1)
+
+
+def tip_rotations(arm: Arm, Q: Array, engine: str = "auto", threads: int | None = None) -> Array:
+    """Rotations (N, 3, 3) of the tip in the base at Q (N, n): columns are its axes."""
+    engine = fixed_engine(arm, engine)
+    if engine == PINOCCHIO:
+        data = arm.model.createData()
+        found = np.empty((len(Q), 3, 3))
+        for i, q in enumerate(arm.model_q(Q)):
+            pin.forwardKinematics(arm.model, data, q)
+            found[i] = pin.updateFramePlacement(arm.model, data, arm.tip_id).rotation
+        return found
+    # Three slides along the tip's axes, behind it: their columns are those axes.
+    chain = _with_tip_axes(arm)
+    values = np.concatenate([model_values(arm, Q), np.zeros((len(Q), 3))], axis=1)
+    return kernel.jacobians(chain, values, threads=threads, isa=engine)[:, :3, -3:]
+
+
+def task_rows(arm: Arm, J: Array, Q: Array, R: Array | None = None) -> Array:
+    """Return the task's rows (..., m, k) of J (..., 6, k), which is in base axes."""
+    # ``Q`` (..., n), or ``R`` (..., 3, 3) where known, is where the tip's axes are taken.
+    if arm.task.at_tip and R is None:
+        flat = np.asarray(Q, dtype=float).reshape(-1, arm.n)
+        R = tip_rotations(arm, flat).reshape(*np.shape(Q)[:-1], 3, 3)
+    return picked(arm.task, J, R)
+
+
+def picked(task: Task, J: Array, R: Array | None) -> Array:
+    """The same of a task alone, with the tip's rotation R (..., 3, 3) where it counts."""
+    rows = list(task.rows)
+    if not task.at_tip or R is None:
+        return np.asarray(J[..., rows, :])
+    back = np.swapaxes(R, -1, -2)
+    turned = np.concatenate([back @ J[..., :3, :], back @ J[..., 3:, :]], axis=-2)
+    if all(task.at_tip):
+        return np.asarray(turned[..., rows, :])
+    return np.where(np.array(task.at_tip)[:, None], turned[..., rows, :], J[..., rows, :])
+
+
+def in_base(arm: Arm, U: Array, q: Array) -> Array:
+    """Wrenches (6, d) in base axes that the task rows U (m, d) at q (n,) are components of."""
+    if arm.task.at_tip:
+        return np.asarray(task_rows(arm, np.eye(6), q).T @ U)
+    out = np.zeros((6, U.shape[1]))
+    out[list(arm.task.rows)] = U
+    return out
+
+
+def turned_slopes(arm: Arm, J: Array, H: Array, Q: Array) -> Array:
+    """Return derivatives (N, m, n, n) of task rows, from J (N, 6, n) and H (N, 6, n, n)."""
+    # With dR/dq_j = [w_j] R the rows R^T v_i change by R^T (dv_i/dq_j - w_j x v_i).
+    task = arm.task
+    rows = list(task.rows)
+    if not task.at_tip:
+        return np.asarray(H[..., rows, :, :])
+    back = np.swapaxes(tip_rotations(arm, Q), -1, -2)
+    w = J[..., 3:, :]
+    parts = (H[..., k : k + 3, :, :] - each_cross(w, J[..., k : k + 3, :]) for k in (0, 3))
+    both = [np.einsum("...ab,...bij->...aij", back, carried) for carried in parts]
+    turned = np.concatenate(both, axis=-3)[..., rows, :, :]
+    return np.where(np.array(task.at_tip)[:, None, None], turned, H[..., rows, :, :])
+
+
+def turn_left(task: Task, R: Array, goal: Array) -> Array:
+    """Return rotation vectors (N, 3), base axes, from tips R (N, 3, 3) to a task's ``goal``."""
+    # Where the turn about an axis of the tip is free: the shortest that brings this axis there.
+    axis = task.tool_axis
+    if axis is None or not task.at_tip:
+        return rotation_vectors(np.broadcast_to(goal, R.shape) @ np.swapaxes(R, -1, -2))
+    other = R[..., :, (axis + 1) % 3]  # any way out of half a turn will do
+    return least_turns(R[..., :, axis], np.broadcast_to(goal, R.shape)[..., :, axis], other)
+
+
+def least_turns(here: Array, there: Array, other: Array) -> Array:
+    """Least rotation vectors (N, 3) between unit vectors (N, 3); half turns about ``other``."""
+    across = np.cross(here, there)
+    sine = np.linalg.norm(across, axis=-1)
+    angle = np.arctan2(sine, (here * there).sum(axis=-1))
+    out = across * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-300), 1.0)[..., None]
+    half = (sine <= 1e-9) & (angle > 1)
+    out[half] = math.pi * other[half]
+    return np.asarray(out)
+
+
+def rotation_vectors(R: Array) -> Array:
+    """Rotation vectors (N, 3) of rotations (N, 3, 3), of half a turn too."""
+    v = np.stack(
+        [R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1
+    )
+    sine = np.linalg.norm(v, axis=1) / 2
+    angle = np.arctan2(sine, (np.trace(R, axis1=1, axis2=2) - 1) / 2)
+    factor = np.where(sine > 1e-9, angle / np.maximum(2 * sine, 1e-300), 0.5)
+    out = v * factor[:, None]
+    half = (sine <= 1e-9) & (angle > 1)
+    if half.any():  # then the axis is each column of R + 1
+        columns = R[half] + np.eye(3)
+        axis = columns[np.arange(len(columns)), :, np.einsum("nii->ni", columns).argmax(axis=1)]
+        out[half] = math.pi * axis / np.linalg.norm(axis, axis=1, keepdims=True)
+    return np.asarray(out)
+
+
+def each_cross(a: Array, b: Array) -> Array:
+    """Products a_j x b_i (..., 3, n, n), entry [:, i, j], of columns of a and b (..., 3, n)."""
+    ax, ay, az = (a[..., k, None, :] for k in range(3))
+    bx, by, bz = (b[..., k, :, None] for k in range(3))
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-3)
+
+
+@kept
+def _with_tip_axes(arm: Arm) -> Chain:
+    chain = kernel_chain(arm)
+    cycle = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])  # its z axis is the x axis before it
+    steps = [chain.R[-1] @ cycle, cycle, cycle, np.eye(3)]
+    return Chain(
+        np.concatenate([chain.R[:-1], np.array(steps)]),
+        np.concatenate([chain.t, np.zeros((3, 3))]),
+        np.concatenate([chain.prismatic, np.ones(3, dtype=bool)]),
+    )
+
+
+_SAMPLES = 16
+
+
+@dataclass(frozen=True, eq=False)
+class OwnScale:
+    """How a frame Jacobian of one arm is made free of units.
+
+    ``length``: the greatest distance of the tip from an axis that it turns about, rounded to a
+    power of ten, metres, by which units of length differ.
+    """
+
+    length: float
+    rows: Array  # (m,), factors: 1 / length for translations, else 1
+    columns: Array  # (n,), factors: length for prismatic joints, else 1
+    of_sigma: float | None  # factor from sigma at the arm's length scale; None if there is none
+
+    def apply(self, arm: Arm, J: Array, Q: Array, R: Array | None = None) -> Array:
+        """Return task rows (..., m, n) without units of J (..., 6, n) at Q, R its rotation."""
+        return np.asarray(task_rows(arm, J, Q, R) * self.rows[:, None] * self.columns)
+
+
+@kept
+def own_scale(arm: Arm) -> OwnScale:
+    """The own scale of ``arm``, which its task rows and length scale leave as it is."""
+    rng = np.random.default_rng(SEED)
+    bounded = arm.prismatic & np.isfinite(arm.lower) & np.isfinite(arm.upper)
+    half = np.where(arm.prismatic, 0.0, np.pi)
+    low, high = np.where(bounded, arm.lower, -half), np.where(bounded, arm.upper, half)
+    J = pinocchio_jacobians(arm, rng.uniform(low, high, (_SAMPLES, arm.n)))
+    chain = flatten(arm)
+    reach = float(np.linalg.norm(J[:, :3, ~chain.prismatic], axis=1).max(initial=0.0))
+    length = 1.0  # if it turns about the tip alone: any length will do
+    if reach > ROUNDING * float(np.abs(chain.t).max()):
+        length = 10.0 ** round(math.log10(reach))
+    translation = np.array(arm.task.rows) < 3
+    rows = np.where(translation, 1.0 / length, 1.0)
+    columns = np.where(arm.prismatic, length, 1.0)
+    factors = rows / np.where(translation, 1.0 / arm.length_scale, 1.0)
+    alike = (factors == factors[0]).all() and (columns == 1.0).all()
+    return OwnScale(length, rows, columns, float(factors[0]) if alike else None)
+
+
+def random_turns(arm: Arm, count: int, seed: int = SEED) -> Array:
+    """Random configurations (count, n): whole circles, and as far as the arm is long."""
+    reach = np.where(arm.prismatic, own_scale(arm).length, np.pi)
+    return np.random.default_rng(seed).uniform(-1, 1, (count, arm.n)) * reach
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """One arm on one engine: ``pinocchio``, or an instruction set of the kernel."""
+
+    arm: Arm
+    engine: str
+    threads: int | None = None  # of the kernel, by default all; results do not depend on it
+
+    def model_jacobians(self, Q: Array) -> Array:
+        """Frame Jacobians (N, 6, nv) by every velocity of the model, mimic joints on their own."""
+        if (chain := self._chain()) is None:
+            return pinocchio_jacobians(self.arm, Q)
+        values = model_values(self.arm, Q)
+        return kernel.jacobians(chain, values, threads=self.threads, isa=self.engine)
+
+    def frame_jacobians(self, Q: Array) -> Array:
+        """Frame Jacobians (N, 6, n) by the free joints."""
+        J, coupling = self.model_jacobians(Q), self.arm.coupling
+        return J if coupling is None else J @ coupling.matrix
+
+    def sigma(self, Q: Array) -> Array:
+        """Singular values (N, min(m, n)) of the task Jacobian at the arm's length scale."""
+        return self._sigma(Q, False)
+
+    def own_sigma(self, Q: Array, sigma: Array | None = None) -> Array:
+        """The same at the arm's own scale, without units; out of ``sigma`` where that will do."""
+        factor = own_scale(self.arm).of_sigma
+        if factor is None:
+            return self._sigma(Q, True)
+        sigma = self.sigma(Q) if sigma is None else sigma
+        return sigma if factor == 1.0 else sigma * factor
+
+    def _sigma(self, Q: Array, own: bool) -> Array:
+        arm, chain, scale = self.arm, self._chain(), own_scale(self.arm)
+        if chain is None or arm.coupling is not None or arm.task.at_tip:
+            at_tip, J = arm.task.at_tip, self.frame_jacobians(Q)
+            R = tip_rotations(arm, Q, self.engine, self.threads) if at_tip else None
+            J = scale.apply(arm, J, Q, R) if own else scale_rows(arm, J, Q, R)
+            if chain is None:
+                return np.asarray(np.linalg.svd(J, compute_uv=False))
+            return kernel.svdvals(J, threads=self.threads, isa=self.engine)
+        return kernel.singular_values(
+            self.own_chain() if own else chain,
+            Q / scale.columns if own else Q,
+            rows=arm.task.rows,
+            length_scale=1.0 if own else arm.length_scale,
+            threads=self.threads,
+            isa=self.engine,
+        )
+
+    def own_chain(self) -> Chain:
+        """The kernel's chain of the arm as it is in its own length."""
+        chain, length = kernel_chain(self.arm), own_scale(self.arm).length
+        return self.arm.once("own_chain", lambda: Chain(chain.R, chain.t / length, chain.prismatic))
+
+    def _chain(self) -> Chain | None:
+        if self.engine == PINOCCHIO:
+            return None
+        chain, here = kernel_chain(self.arm), kernel.isa_names()
+        EngineError.refuse_if(
+            self.engine not in here,
+            f"the run was planned for {self.engine}, but this machine runs "
+            f"{', '.join(here)}; start it with an engine that all machines have",
+        )
+        return chain
+
+
+def batch(arm: Arm, engine: str = "auto", threads: int | None = None) -> Batch:
+    """Return a Batch with a `fixed_engine`; OptionError if ``threads`` is below 1."""
+    OptionError.refuse_if(
+        threads is not None and threads < 1, f"threads must be at least 1, got {threads}"
+    )
+    return Batch(arm, fixed_engine(arm, engine), threads)
+
+
+def scale_rows(arm: Arm, J: Array, Q: Array, R: Array | None = None) -> Array:
+    """Return task rows (..., m, n) of J (..., 6, n) at Q, translations over the length scale."""
+    factor = np.where(np.array(arm.task.rows) < 3, 1.0 / arm.length_scale, 1.0)
+    return np.asarray(task_rows(arm, J, Q, R) * factor[:, None])
+
+
+_RANK_SAMPLES = 6
+_SIZE_SAMPLES = 15
+
+
+class Measured(NamedTuple):
+    """What is measured at N configurations."""
+
+    sigma: Array  # (N, r), at the arm's length scale, largest first
+    ratio: Array  # (N,), sigma_r / sigma_1 at its own scale: verdicts stand on it
+
+
+@checked
+@kept
+def generic_rank(arm: Arm) -> int:
+    """Return the rank of the task Jacobian at almost every configuration.
+
+    Taken on the nominal geometry, exactly (`pinsing.robot.nominal`): no tolerance, no
+    length scale. On the raw geometry a rounded angle could pretend a motion of relative size
+    1e-6. Where it is not full, with mimic joints it is the greatest rank of random configurations
+    at the own scale.
+
+    Parameters
+    ----------
+    arm : Arm
+        The arm, from ``load``.
+
+    Returns
+    -------
+    int
+        r; a configuration is singular where the rank is below it.
+
+    Raises
+    ------
+    OptionError
+        If it is zero: no joint moves the tip in any row of the task.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> pinsing.kinematics.generic_rank(pinsing.load("planar3r"))
+    3
+    """
+    geometry = nominal(arm)
+    if geometry.arm is not arm:
+        return generic_rank(geometry.arm)
+    # Floats alone prove that the rank is as great as the size of J allows: rounding moves no
+    # singular value by more than about 1e-14 sigma_1 of all six rows (Weyl's inequality), which is
+    # about one at the arm's own scale: the task's rows may be nothing but rounding. So where the
+    # last one is 1e-6 of that, and of the task's sigma_1, at a single configuration, J has full
+    # rank there, and thereby at almost every one.
+    sigma = batch(arm, PINOCCHIO).own_sigma(random_turns(arm, _RANK_SAMPLES))
+    if (sigma[:, -1] > ALIKE * np.maximum(sigma[:, 0], 1.0)).any():
+        rank = min(len(arm.task.rows), arm.n)
+    elif arm.coupling is not None:
+        rank = _sampled_rank(arm)
+    else:
+        rank = exact_generic_rank(geometry, arm.task)
+    OptionError.refuse_if(
+        rank == 0,
+        f"task {arm.task}: no joint of {arm.name} moves tip {arm.tip!r} in any of its "
+        "rows; choose other rows",
+    )
+    return rank
+
+
+@kept
+def task_size(arm: Arm) -> float:
+    """Return the median of sigma_1 at the arm's own scale; 0 for ``pose``, which never vanishes."""
+    if arm.task.name == "pose":
+        return 0.0
+    found = batch(arm, PINOCCHIO).own_sigma(random_turns(arm, _SIZE_SAMPLES))
+    return float(np.median(found[:, 0]))
+
+
+def ratio_of(arm: Arm, own_sigma: ArrayLike) -> Array:
+    """Measure of verdicts (...,) from singular values (..., k >= r) at the arm's own scale."""
+    return sigma_ratio(own_sigma, generic_rank(arm), task_size(arm))
+
+
+def rank_of(arm: Arm, own_sigma: Array, rtol: float = SINGULAR_RTOL) -> int:
+    """Return the number of singular values (k,) above ``rtol``, at the arm's own scale."""
+    return int((own_sigma > zero_of(arm, own_sigma, rtol)).sum())
+
+
+def zero_of(arm: Arm, own_sigma: Array, rtol: float = SINGULAR_RTOL) -> float:
+    """Up to what a singular value is zero, beside ``own_sigma`` (k,) of the whole Jacobian."""
+    return rtol * max(float(own_sigma[0]), task_size(arm))
+
+
+def own_shares(arm: Arm, Q: ArrayLike) -> Array:
+    """sigma_k / sigma_1 for k = 1 ... r at the arm's own scale, (N, r); the last are the ratios."""
+    own = batch(arm).own_sigma(np.atleast_2d(arm.check(Q)))
+    count = range(1, generic_rank(arm) + 1)
+    size = task_size(arm)
+    return np.stack([sigma_ratio(own, k, size) for k in count], axis=1)
+
+
+def measured(on: Batch, Q: Array) -> Measured:
+    """Singular values and ratios at Q (N, n), on an engine that is fixed."""
+    sigma = on.sigma(Q)
+    ratio = ratio_of(on.arm, on.own_sigma(Q, sigma))
+    return Measured(np.asarray(sigma[:, : generic_rank(on.arm)]), ratio)
+
+
+def measure(arm: Arm, Q: ArrayLike, engine: str = "auto") -> Measured:
+    """Singular values and ratios at Q (N, n), radians and metres."""
+    return measured(batch(arm, engine), np.atleast_2d(arm.check(Q)))
+
+
+def ratios(arm: Arm, Q: ArrayLike, engine: str = "auto") -> Array:
+    """Measure of verdicts (N,) at Q (N, n), radians and metres, however many turns away."""
+    Q = np.atleast_2d(arm.fold(Q))
+    return ratio_of(arm, batch(arm, engine).own_sigma(Q)) if len(Q) else np.zeros(0)
+
+
+def check_tolerances(rtol: float, near_rtol: float) -> None:
+    """Raise OptionError unless 0 <= rtol <= near_rtol < 1."""
+    OptionError.refuse_if(
+        not 0 <= rtol <= near_rtol < 1,
+        f"need 0 <= rtol <= near_rtol < 1, got {rtol:g} and {near_rtol:g}",
+    )
+
+
+def scale_notes(arm: Arm) -> Iterator[str]:
+    """Say where sigma and verdicts stand on different lengths."""
+    scale = own_scale(arm)
+    if scale.of_sigma is None:
+        yield (
+            "sigma_r/sigma_1, which singular and near-singular are judged by, is taken at the "
+            f"arm's own length of {scale.length:g} m, sigma at length scale {arm.length_scale:g} m"
+        )
+
+
+def _sampled_rank(exact: Arm) -> int:
+    """The same of an arm with mimic joints, by floats: these may follow by any multiple."""
+    # Whole circles, not the limits: an arm whose limits are narrow has a generic rank too.
+    Q = random_turns(exact, _RANK_SAMPLES)
+    J = batch(exact).frame_jacobians(Q)
+    scale = own_scale(exact)
+    sigma = np.linalg.svd(scale.apply(exact, J, Q), compute_uv=False)
+    largest = max(float(np.abs(J[:, :3]).max()) / scale.length, float(np.abs(J[:, 3:]).max()))
+    if sigma.max() <= SINGULAR_RTOL * largest:
+        return 0
+    return int((sigma > SINGULAR_RTOL * sigma[:, :1]).sum(axis=1).max())
+
+
+def fixed_batch(arm: Arm, engine: str = "auto") -> Batch:
+    """Return a Batch on this thread alone, on a `fixed_engine`, without what only drawing needs."""
+    return Batch(_lean(arm), fixed_engine(arm, engine), 1)
+
+
+def last_and_ratio(on: Batch, Q: Array) -> tuple[Array, Array]:
+    """Return sigma_r (N,) of configurations Q (N, n), and the ratio (N,) of verdicts."""
+    found = measured(on, Q)
+    return found.sigma[:, -1], found.ratio
+
+
+def fingerprint(arm: Arm) -> str:
+    """SHA-256 of every number of the arm that its singular values depend on."""
+    chain = flatten(arm)
+    parts = [chain.R, chain.t, chain.prismatic, np.array(arm.task.rows), arm.length_scale]
+    if arm.task.at_tip:
+        parts.append(np.array(arm.task.at_tip))
+    if arm.coupling is not None:
+        parts += [arm.coupling.matrix, arm.coupling.offset]
+    digest = hashlib.sha256()
+    for part in parts:
+        array = np.ascontiguousarray(part, dtype=np.float64)
+        digest.update(f"{array.shape};".encode() + array.tobytes())
+    return digest.hexdigest()
+
+
+def run_identity(kind: str, on: Batch) -> dict[str, Any]:
+    """Return what a folder records of how a run computes, as plain JSON values."""
+    return {
+        "kind": kind,
+        "pinsing": __version__,
+        "engine": on.engine,
+        "robot": fingerprint(on.arm),
+        "rank": generic_rank(on.arm),
+    }
+
+
+def recorded_engine(known: Mapping[str, Any] | None, asked: str) -> str:
+    """Engine to go on with: that of the run on disk, unless another is asked for by name."""
+    if known is None or asked not in ("auto", "batch"):
+        return asked
+    engine = str(known.get("engine", asked))
+    return asked if asked == "batch" and engine == PINOCCHIO else engine
+
+
+def _lean(arm: Arm) -> Arm:
+    source = replace(
+        arm.source,
+        path=None,
+        shapes=None,
+        full_model=arm.model,
+        locked=(),
+        reference=pin.neutral(arm.model),
+        base="universe",
+    )
+    lean = replace(arm, source=source, notes=())
+    lean.known.update(arm.known)  # of the same numbers
+    return lean
+
+
+ROWS = 2000
+"""Configurations at a time: their brackets take some megabytes."""
+
+
+@checked
+def regular_radius(arm: Arm, Q: ArrayLike) -> Array:
+    """Return how far around configurations no other one is singular, proven.
+
+    Of the geometry of the file, whatever is known of its singular configurations. The true
+    distance is larger: in the median 1.03 to 2.6 times within 3 degrees of a family, 2 to 6 times
+    elsewhere.
+
+    Parameters
+    ----------
+    arm : Arm
+        A serial arm without mimic joints; its task is the full pose, position or orientation.
+    Q : (..., n) or (..., nq) array_like
+        Radians and metres.
+
+    Returns
+    -------
+    (...) array
+        Euclidean length of joint differences, radians, or metres over the length scale; 0 where
+        nothing is known, and for other arms and tasks.
+
+    Raises
+    ------
+    ConfigurationError
+        If Q has the wrong shape, or a value that is not finite.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> arm = pinsing.load("ur5")
+    >>> radius = pinsing.kinematics.regular_radius(arm, [0, -1.2, 1.3, -1, -1.5, 0])
+    >>> bool(0.1 < radius < pinsing.clearance(arm, [0, -1.2, 1.3, -1, -1.5, 0]).upper)
+    True
+    """
+    array = arm.check(Q, "Q")
+    flat, found = array.reshape(-1, arm.n), np.zeros(array.shape[:-1]).reshape(-1)
+    if (frame := arm.once("frame of a ball", lambda: _Frame.of(arm))) is not None:
+        for first in range(0, len(flat), ROWS):
+            part = slice(first, first + ROWS)
+            found[part] = frame.radius(flat[part])
+    return found.reshape(array.shape[:-1])
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """A link in whose frame screws are written, translations first."""
+
+    chain: Chain
+    link: int  # screws refer to the origin of this joint from 0, or the tip, before it moves
+    metre: float  # units of length in a metre: lengths count like angles
+    slide: float  # factor of steps of a sliding joint
+    rows: slice
+    moves: Array  # (n, n), [k, j]: 1 where k moves screw j away from the base, -1 towards it
+
+    @classmethod
+    def of(cls, arm: Arm) -> _Frame | None:
+        """The frame in which bends are least; None where nothing is known of the arm."""
+        parts = {(0, 1, 2, 3, 4, 5): slice(0, 6), (0, 1, 2): slice(0, 3), (3, 4, 5): slice(3, 6)}
+        rows = parts.get(tuple(arm.task.rows))
+        if rows is None or arm.coupling is not None:
+            return None
+        chain, n = flatten(arm), arm.n
+        size = float(np.linalg.norm(chain.t[1:], axis=1).sum())
+        k, j = np.indices((n, n))
+        frames = []
+        for link in range(n + 1) if rows.stop == 6 else [n]:  # positions are those of the tip
+            moves = np.where((link <= k) & (k < j), 1.0, 0.0) - ((j < k) & (k < link))
+            metre = 4 / size if size else 1.0
+            frames.append(cls(chain, link, metre, arm.length_scale, rows, moves))
+        return min(frames, key=lambda f: float(f.bend(np.zeros((1, n)))[0]))
+
+    def bend(self, Q: Array) -> Array:
+        """Bound (N,) second derivatives of the Jacobian along unit steps, at Q and within 1.
+
+        A vector that turns with f joints has second derivatives of at most ``f |d|^2``, for the sum
+        of f parts of a unit step is at most the root of f. The steps of the two sides of the link
+        share ``|d|^2``.
+        """
+        chain, n = self.chain, self.chain.n
+        slides = chain.prismatic
+        between = np.abs(self.moves) > 0
+        turning, sliding = between[~slides].sum(axis=0), between[slides].sum(axis=0)
+        steps = np.linalg.norm(chain.t, axis=1)[None, 1:] + np.where(
+            slides, np.abs(Q) + self.slide, 0.0
+        )
+        reach = np.concatenate([np.zeros((len(Q), 1)), np.cumsum(steps, axis=1)], axis=1)
+        far = np.abs(reach[:, :n] - reach[:, self.link : self.link + 1])
+        arm = turning * far + 2 * np.sqrt(turning * sliding) * self.slide
+        moment = self.metre * np.where(slides, turning * self.slide, arm)
+        turn = np.where(slides, 0, turning)
+        parts = [moment] * (self.rows.start == 0) + [turn] * (self.rows.stop == 6)
+        square = np.sum([p**2 + np.zeros((len(Q), n)) for p in parts], axis=0)
+        sides = square[:, : self.link].sum(axis=1), square[:, self.link :].sum(axis=1)
+        return np.asarray(np.sqrt(np.maximum(*sides)))
+
+    def screws(self, Q: Array) -> tuple[Array, Array]:
+        """Translations and rotations (N, n, 3) of unit steps, in the axes of the base."""
+        R, p = joint_frames(self.chain, Q)
+        a, slides = R[:, :-1, :, 2], self.chain.prismatic[:, None]
+        off = p[:, :-1] - p[:, self.link, None]
+        v = np.where(slides, self.slide * a, np.cross(off, a))
+        return self.metre * v, np.where(slides, 0.0, a)
+
+    def radius(self, Q: Array) -> Array:
+        """How far (N,) around Q (N, n) the rank is that of Q."""
+        v, w = self.screws(Q)
+        J = np.concatenate([v, w], axis=2)[..., self.rows]
+        V, S, Ut = np.linalg.svd(J, full_matrices=False)
+        sound: Bool = S[:, -1] > SINGULAR_RTOL * S[:, 0]
+        h = 1 / np.sqrt(np.maximum(S, np.where(sound, 0.0, 1.0)[:, None]))
+        # Screws of joint j as joint k moves them, [k, j]; the rotation of a screw carries both.
+        turned = [np.cross(w[:, :, None], x[:, None]) for x in (v, w)]
+        turned[0] += np.cross(v[:, :, None], w[:, None])
+        D = (self.moves[..., None] * np.concatenate(turned, axis=3))[..., self.rows]
+        right, left = h[:, :, None] * Ut, V * h[:, None]
+        G = np.swapaxes(left, 1, 2)[:, None] @ D @ np.swapaxes(right, 1, 2)[:, None]
+        beside = np.einsum("nkij,nkil->njl", G, G), np.einsum("nkij,nklj->nil", G, G)
+        most = np.minimum(*(np.linalg.eigvalsh(M)[:, -1] for M in beside))
+        g, K = np.sqrt(np.maximum(most, 0.0)), self.bend(Q) * h[:, -1] ** 2
+        reach = 2 / (g + np.sqrt(g**2 + 2 * K) + 1e-9)
+        # Entries are right to some hundred units in the last place of the largest singular value.
+        off = 1e-9 + 1e-13 * S[:, 0] * h[:, -1] ** 2
+        return np.where(sound, np.minimum(reach * (1 - off), 1.0), 0.0)
 
 
 @checked
@@ -103,7 +810,7 @@ def frame_jacobians(
         Radians or metres; or (N, nq), the whole model's configurations.
     engine : str
         "auto", "batch" (the compiled kernel), "pinocchio" or an instruction set; see
-        `pinsing.kinematics.batch.fixed_engine`.
+        `fixed_engine`.
     threads : int, optional
         Threads of the compiled kernel; as many as the process may use by default. The
         result does not depend on it.

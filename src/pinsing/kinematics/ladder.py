@@ -82,7 +82,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from pinsing.kinematics.batch import joint_frames
+from pinsing.kinematics.jacobian import joint_frames
 from pinsing.measures import ROUNDING, Array, Chain, NDArray
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import Nominal, exact_generic_rank

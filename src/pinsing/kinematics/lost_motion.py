@@ -17,13 +17,18 @@ from itertools import chain, combinations
 import numpy as np
 
 from pinsing._batch import engine as kernel
-from pinsing.kinematics.batch import own_scale, random_turns
-from pinsing.kinematics.jacobian import frame_jacobians, generic_task
-from pinsing.kinematics.verdict import SINGULAR_RTOL, generic_rank, zero_of
+from pinsing.kinematics.jacobian import (
+    SINGULAR_RTOL,
+    frame_jacobians,
+    generic_rank,
+    generic_task,
+    own_scale,
+    random_turns,
+    zero_of,
+)
 from pinsing.measures import PRACTICAL, Array, Bool, NDArray
 from pinsing.prose import listed
-from pinsing.robot.arm import Arm
-from pinsing.robot.source import kept
+from pinsing.robot.arm import Arm, kept
 from pinsing.robot.task import TOOL_AXES
 
 

@@ -28,11 +28,10 @@ from itertools import pairwise
 import numpy as np
 
 from pinsing.errors import OptionError
-from pinsing.kinematics.batch import joint_frames, picked, turn_left
-from pinsing.kinematics.verdict import generic_rank
+from pinsing.kinematics.jacobian import generic_rank, joint_frames, picked, turn_left
 from pinsing.measures import FLOAT_NOISE, SOLVED, Array
 from pinsing.robot.arm import Arm
-from pinsing.robot.chain import flatten
+from pinsing.robot.nominal import flatten
 from pinsing.robot.task import POSE, POSITION
 
 _BESIDE = 0.1

@@ -11,25 +11,27 @@ import numpy as np
 from pinsing._batch import engine
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
-from pinsing.kinematics.batch import PINOCCHIO, batch, own_scale, task_rows, turn_left
 from pinsing.kinematics.jacobian import (
-    frame_jacobian,
-    frame_jacobians,
-    own_jacobians_and_derivatives,
-    scale_rows,
-    singular_values,
-    tip_poses,
-)
-from pinsing.kinematics.verdict import (
     NEAR_RTOL,
+    PINOCCHIO,
     SINGULAR_RTOL,
     Status,
+    batch,
+    frame_jacobian,
+    frame_jacobians,
     generic_rank,
     measure,
+    own_jacobians_and_derivatives,
+    own_scale,
     rank_of,
     ratio_of,
+    scale_rows,
+    singular_values,
     status_of,
+    task_rows,
     task_size,
+    tip_poses,
+    turn_left,
 )
 from pinsing.measures import ALIKE, NOISE, SEED, Array, ArrayLike, Bool, NDArray
 from pinsing.robot.arm import Arm
@@ -281,7 +283,7 @@ class RankDrops:
 
     q: Array  # (N, n), radians or metres
     sigma: Array  # (N, r), of the task Jacobian, largest first
-    ratio: Array  # (N,), verdicts stand on it (`pinsing.kinematics.verdict`)
+    ratio: Array  # (N,), verdicts stand on it (`pinsing.kinematics.jacobian`)
     iterations: NDArray[np.intp]  # (N,), Jacobian derivatives evaluated
     # (N,), at rank below r to ``SINGULAR_RTOL``, or at a minimum of sigma_r that is not zero
     converged: Bool
@@ -374,8 +376,8 @@ def _in_numpy(
 
 def constraint_gradient(arm: Arm, Q: ArrayLike) -> tuple[Array, Array]:
     """Return equations U0^T dJ V0 of the rank drop in dq / columns, (N, K, n), and sigma (N, r)."""
-    # At the arm's own scale (`pinsing.kinematics.batch`). K = (m-r+1)(n-r+1); the first row is the
-    # gradient of sigma_r where that is simple: d sigma_r / d q_j = u_r^T (dJ/dq_j) v_r.
+    # At the arm's own scale. K = (m-r+1)(n-r+1); the first row is the gradient of sigma_r where
+    # that is simple: d sigma_r / d q_j = u_r^T (dJ/dq_j) v_r.
     r = generic_rank(arm)
     J, H = own_jacobians_and_derivatives(arm, Q)
     U, sigma, Vt = np.linalg.svd(J, full_matrices=True)

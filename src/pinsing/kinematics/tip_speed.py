@@ -20,9 +20,14 @@ import numpy as np
 from pinsing.arguments import checked
 from pinsing.description.urdf import DEFAULT_EFFORT, DEFAULT_VELOCITY
 from pinsing.errors import OptionError
-from pinsing.kinematics.batch import own_scale, task_rows
-from pinsing.kinematics.jacobian import frame_jacobians, generic_task
-from pinsing.kinematics.verdict import SINGULAR_RTOL, generic_rank
+from pinsing.kinematics.jacobian import (
+    SINGULAR_RTOL,
+    frame_jacobians,
+    generic_rank,
+    generic_task,
+    own_scale,
+    task_rows,
+)
 from pinsing.measures import Array, ArrayLike, Bool
 from pinsing.robot.arm import Arm
 

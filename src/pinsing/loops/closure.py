@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing.errors import OptionError, PinsingError, Refusal
-from pinsing.kinematics.batch import least_turns, rotation_vectors
+from pinsing.kinematics.jacobian import least_turns, rotation_vectors
 from pinsing.measures import (
     ALIKE,
     ROUNDING,
@@ -29,6 +29,7 @@ from pinsing.measures import (
     Bool,
     NDArray,
 )
+from pinsing.robot.arm import kept
 from pinsing.robot.mechanism import (
     Loop,
     Mechanism,
@@ -38,7 +39,6 @@ from pinsing.robot.mechanism import (
     meeting_point,
     path_to,
 )
-from pinsing.robot.source import kept
 
 
 @dataclass(frozen=True)

@@ -65,8 +65,8 @@ from pinsing.loops.forms import (
 from pinsing.loops.legs import sphere_rods
 from pinsing.loops.pose_loci import squares_note
 from pinsing.measures import NOISE, ROUNDING, Array
+from pinsing.robot.arm import kept
 from pinsing.robot.mechanism import Mechanism, closing, path_to
-from pinsing.robot.source import kept
 
 if TYPE_CHECKING:
     from pinsing.families import ClosedForm

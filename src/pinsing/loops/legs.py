@@ -65,8 +65,8 @@ from pinsing.loops.closure import (
 from pinsing.loops.forms import PoseEquation, exact_points, pose_equation
 from pinsing.loops.motion import home
 from pinsing.measures import ROUNDING, SEED, Array, ArrayLike
+from pinsing.robot.arm import kept
 from pinsing.robot.mechanism import Mechanism, Sample, closing, path_to
-from pinsing.robot.source import kept
 
 Condition = tuple[str, float | None]
 """Words, and the distance of C and B there; None: the force does not work on the motion of C."""

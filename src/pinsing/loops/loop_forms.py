@@ -31,8 +31,8 @@ from pinsing.loops.closure import at_zero, bodies, groups, plane_axes, position_
 from pinsing.loops.forms import JointForms
 from pinsing.loops.singular_points import SingularPoint, refine_point
 from pinsing.measures import NOISE, Array, ArrayLike
+from pinsing.robot.arm import kept
 from pinsing.robot.mechanism import Mechanism, Sample, closing, path_to
-from pinsing.robot.source import kept
 from pinsing.serialization import JsonResult
 
 

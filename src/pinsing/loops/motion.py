@@ -69,8 +69,8 @@ from pinsing.measures import (
     NDArray,
 )
 from pinsing.prose import Page, Table
+from pinsing.robot.arm import kept
 from pinsing.robot.mechanism import Mechanism, Sample, closing, joint_axes, path_to
-from pinsing.robot.source import kept
 from pinsing.robot.task import ROW_NAMES
 from pinsing.serialization import JsonResult
 

@@ -73,8 +73,8 @@ from pinsing.loops.legs import (
 from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.motion import home, pose_of
 from pinsing.measures import ROUNDING, Array
+from pinsing.robot.arm import kept
 from pinsing.robot.mechanism import Mechanism
-from pinsing.robot.source import kept
 
 
 class PoseRing:

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from pinsing.arguments import checked, real_numbers
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
+from pinsing.kinematics.jacobian import NEAR_RTOL, SINGULAR_RTOL, measure
 from pinsing.kinematics.refine import approach
-from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, measure
 from pinsing.measures import Array, ArrayLike
 from pinsing.plot.style import (
     COLORS,

@@ -19,8 +19,8 @@ from matplotlib import pyplot as plt
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.kinematics.at import REGULAR, State
+from pinsing.kinematics.jacobian import SINGULAR_RTOL
 from pinsing.kinematics.lost_motion import LostMotion
-from pinsing.kinematics.verdict import SINGULAR_RTOL
 from pinsing.measures import PRACTICAL, Array, Ellipsoid, pure_by_default, pure_ellipsoids
 from pinsing.plot.style import COLORS, COLUMN, SMALL, legend_below, legend_of_all, plain
 from pinsing.robot.arm import Arm

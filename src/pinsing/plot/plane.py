@@ -18,8 +18,7 @@ from pinsing.arguments import checked, real_numbers, whole_number
 from pinsing.errors import OptionError
 from pinsing.families import Branch, ClosedForm, Equation, Family, closed_form
 from pinsing.families.solve import form_to_measure
-from pinsing.kinematics.jacobian import singular_values, tip_poses
-from pinsing.kinematics.verdict import ratios
+from pinsing.kinematics.jacobian import ratios, singular_values, tip_poses
 from pinsing.measures import ALIKE, Array, ArrayLike, Bool, Ints
 from pinsing.plot.style import (
     COLORS,

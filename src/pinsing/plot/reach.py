@@ -22,8 +22,7 @@ from matplotlib.figure import Figure
 
 from pinsing.arguments import checked, whole_number
 from pinsing.errors import OptionError
-from pinsing.kinematics.jacobian import tip_and_jacobian
-from pinsing.kinematics.verdict import generic_rank
+from pinsing.kinematics.jacobian import generic_rank, tip_and_jacobian
 from pinsing.measures import Array, Ints
 from pinsing.plot.style import SMALL, legend_below, new_axes, plain
 from pinsing.proximity.clearance import STEP

@@ -27,12 +27,10 @@ from pinsing.arguments import MAX_SEED, checked, typed, whole_number
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm, closed_form
 from pinsing.families.solve import form_to_measure
-from pinsing.kinematics.batch import picked, turn_left
 from pinsing.kinematics.inverse import InverseSolution, inverse
-from pinsing.kinematics.jacobian import tip_placement
+from pinsing.kinematics.jacobian import generic_rank, picked, ratios, tip_placement, turn_left
 from pinsing.kinematics.ladder import ladder_of, posture_names
 from pinsing.kinematics.newton import columns, one_sheet, regular_way
-from pinsing.kinematics.verdict import generic_rank, ratios
 from pinsing.measures import ALIKE, PRACTICAL, ROUNDING, Array, ArrayLike
 from pinsing.postures.aspects import (
     DIFFERENT,

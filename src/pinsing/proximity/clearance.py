@@ -23,12 +23,11 @@ from pinsing.errors import OptionError, ResultError
 from pinsing.families import ClosedForm, Family
 from pinsing.families.family import asked_for
 from pinsing.families.solve import closed_form
-from pinsing.kinematics.verdict import regular_radius
+from pinsing.kinematics.jacobian import regular_radius
 from pinsing.measures import ROUNDING, Array, ArrayLike, Bool, Ints, NDArray
 from pinsing.prose import listed
-from pinsing.robot.arm import Arm, summarize
-from pinsing.robot.chain import chain_differs, placements_of
-from pinsing.robot.joint_space import JointSpace, require_values
+from pinsing.robot.arm import Arm, JointSpace, require_values, summarize
+from pinsing.robot.nominal import chain_differs, placements_of
 from pinsing.serialization import JsonResult
 
 Forms: TypeAlias = ClosedForm | Sequence[ClosedForm]

@@ -20,8 +20,7 @@ from pinsing.algebra.nearest import BOXES, SearchOptions, nearest_points, two_si
 from pinsing.arguments import checked, real_numbers
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch, JointValue
-from pinsing.kinematics.jacobian import task_jacobians
-from pinsing.kinematics.verdict import generic_rank
+from pinsing.kinematics.jacobian import generic_rank, task_jacobians
 from pinsing.measures import PRACTICAL, ROUNDING, Array, ArrayLike, Bool, Ints
 from pinsing.proximity.clearance import CLOSE, Forms, Watched, nearest_family, watch
 from pinsing.robot.arm import Arm

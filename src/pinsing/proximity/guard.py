@@ -20,7 +20,7 @@ from pinsing.algebra.trig_sum import COMBINED
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.families import Family, closed_form
-from pinsing.kinematics.verdict import fingerprint
+from pinsing.kinematics.jacobian import fingerprint
 from pinsing.measures import ROUNDING, Array, NDArray
 from pinsing.prose import visible
 from pinsing.proximity.clearance import Forms, each_of, every_name, require_forms_of, watch

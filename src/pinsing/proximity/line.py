@@ -13,10 +13,15 @@ from pinsing.arguments import checked, typed
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch
 from pinsing.families.solve import form_to_measure
-from pinsing.kinematics.batch import task_rows, turn_left
-from pinsing.kinematics.jacobian import read_pose, tip_and_jacobian
+from pinsing.kinematics.jacobian import (
+    SINGULAR_RTOL,
+    ratios,
+    read_pose,
+    task_rows,
+    tip_and_jacobian,
+    turn_left,
+)
 from pinsing.kinematics.tip_speed import check_speeds, limits_of
-from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
 from pinsing.measures import ALIKE, FLOAT_NOISE, Array, ArrayLike
 from pinsing.prose import LISTED, listed
 from pinsing.proximity.clearance import Forms, Watched, metric_note, require_forms_of, titled, watch

@@ -15,7 +15,7 @@ from pinsing.arguments import MAX_SEED, checked, typed, whole_number
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch
 from pinsing.families.solve import form_to_measure
-from pinsing.kinematics.verdict import ratios
+from pinsing.kinematics.jacobian import ratios
 from pinsing.measures import ALIKE, NEAR_RTOL, Array, ArrayLike, Ints
 from pinsing.proximity.clearance import (
     CLOSE,

@@ -37,8 +37,13 @@ from pinsing.algebra.trig_sum import TINY, off_values
 from pinsing.arguments import checked
 from pinsing.errors import EngineError, OptionError
 from pinsing.families import ClosedForm, Family
-from pinsing.kinematics.batch import random_turns, tip_rotations
-from pinsing.kinematics.jacobian import frame_jacobians, singular_values, tip_poses
+from pinsing.kinematics.jacobian import (
+    frame_jacobians,
+    random_turns,
+    singular_values,
+    tip_poses,
+    tip_rotations,
+)
 from pinsing.kinematics.ladder import posture_names
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge, speed_judge
 from pinsing.measures import NOISE, ROUNDING, Array, ArrayLike, Bool, Ints
@@ -47,7 +52,7 @@ from pinsing.prose import listed
 from pinsing.proximity.clearance import Watched, metric_note, titled, watch
 from pinsing.proximity.trajectory import angle_text
 from pinsing.robot.arm import Arm, ArmSummary, summarize
-from pinsing.robot.chain import chain_differs, flatten, placements_of
+from pinsing.robot.nominal import chain_differs, flatten, placements_of
 from pinsing.serialization import JsonResult
 
 if TYPE_CHECKING:

@@ -14,24 +14,24 @@ from pinsing.errors import PinsingError
 from pinsing.families import ClosedForm, Family, closed_form
 from pinsing.families.describe import telling_poses
 from pinsing.kinematics.at import State, at
-from pinsing.kinematics.batch import engine_name
-from pinsing.kinematics.jacobian import generic_rank
-from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
+from pinsing.kinematics.jacobian import SINGULAR_RTOL, engine_name, generic_rank, ratios
 from pinsing.measures import ROUNDING, Array, Bool
 from pinsing.prose import PLAIN, Page, Table
 from pinsing.proximity.clearance import Clearance, clearance
 from pinsing.proximity.suggestion import Suggestion, suggest
 from pinsing.proximity.trajectory import TrajectoryCheck, summary
 from pinsing.robot.arm import Arm, ArmSummary, summarize
-from pinsing.robot.chain import flatten, jacobian_change
-from pinsing.robot.design import (
+from pinsing.robot.nominal import (
     AxisDifference,
+    Snap,
     assumptions,
     design_of,
     deviation_of,
     differences,
+    flatten,
+    jacobian_change,
+    nominal,
 )
-from pinsing.robot.nominal import Snap, nominal
 from pinsing.robot.second_reader import SecondReading
 from pinsing.serialization import JsonResult
 

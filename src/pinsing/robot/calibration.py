@@ -19,9 +19,16 @@ from pinsing.description.yaml_tree import YamlNode, compose
 from pinsing.errors import OptionError, RobotFileError
 from pinsing.measures import Chain
 from pinsing.robot.arm import Arm
-from pinsing.robot.chain import chain_model, flatten, keep_chain
-from pinsing.robot.design import AxisDifference, alignment, axes, differences, require_same
 from pinsing.robot.load import load
+from pinsing.robot.nominal import (
+    AxisDifference,
+    alignment,
+    axes,
+    differences,
+    flatten,
+    on_chain,
+    require_same,
+)
 
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 _LENGTHS, _ANGLES = ("x", "y", "z"), ("roll", "pitch", "yaw")
@@ -60,8 +67,7 @@ def calibrated(arm: Arm, file: str | os.PathLike[str]) -> Arm:
     R[-1] = np.rint((turn @ flange.rotation).T @ own.rotation)
     chain = Chain(R, t, raw.prismatic)
     source = replace(arm.source, calibration=os.fspath(file))
-    made = replace(arm, model=chain_model(chain, arm), design=arm, source=source)
-    keep_chain(made, chain)
+    made = on_chain(arm, chain, design=arm, source=source)
     require_same(made, arm, f"{os.fspath(file)}: {arm.name!r}")
     return made
 

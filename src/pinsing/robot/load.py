@@ -13,20 +13,19 @@ import pinocchio as pin
 
 from pinsing.arguments import checked
 from pinsing.errors import ChainError, JointError, UnknownNameError
-from pinsing.robot.arm import Arm
+from pinsing.robot.arm import Arm, HasModel, Source, given_file, given_model, named
 from pinsing.robot.chains import (
+    Way,
     candidates,
     choose_chain,
     choose_tip,
     frame_index,
     joint_path,
     long_chain_note,
+    way_between,
 )
-from pinsing.robot.design import assumed_design
-from pinsing.robot.joint_space import named
 from pinsing.robot.models import (
     Follow,
-    Way,
     build_model,
     chain_limits,
     couple,
@@ -36,9 +35,8 @@ from pinsing.robot.models import (
     locked_at,
     reroot,
     turned_round,
-    way_between,
 )
-from pinsing.robot.source import HasModel, Source, given_file, given_model
+from pinsing.robot.nominal import assumed_design
 from pinsing.robot.task import Task, parse_task
 
 if TYPE_CHECKING:

@@ -34,10 +34,20 @@ from pinsing.description.yaml_tree import YamlNode, compose
 from pinsing.errors import JointError, OptionError, PinsingError
 from pinsing.measures import ALIKE, ROUNDING, Array, ArrayLike, Bool
 from pinsing.notebook import one_line
+from pinsing.robot.arm import (
+    HasModel,
+    JointSpace,
+    Memory,
+    Source,
+    given_file,
+    given_model,
+    kept,
+    model_q,
+    require_scale,
+    require_values,
+)
 from pinsing.robot.chains import frame_index
-from pinsing.robot.joint_space import JointSpace, model_q, require_scale, require_values
 from pinsing.robot.models import joint_axis
-from pinsing.robot.source import HasModel, Memory, Source, given_file, given_model, kept
 from pinsing.robot.task import ROW_NAMES, Task, parse_task
 
 LOOP_KINDS = {"planar": 2, "3d": 3, "6d": 6}

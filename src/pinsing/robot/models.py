@@ -14,7 +14,6 @@ import sys
 import threading
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import BinaryIO, cast
 
 import numpy as np
@@ -23,8 +22,8 @@ import pinocchio as pin
 from pinsing.description.urdf import Description
 from pinsing.errors import JointError, RobotFileError
 from pinsing.measures import Array
-from pinsing.robot.chains import LONGEST, frame_index, joint_path
-from pinsing.robot.source import Coupling
+from pinsing.robot.arm import Coupling
+from pinsing.robot.chains import frame_index
 
 _Z = np.eye(3)[2]
 
@@ -301,49 +300,6 @@ def make_names_unique(model: pin.Model) -> dict[str, str]:
         if frame.type == pin.FrameType.JOINT and model.names[frame.parentJoint] == old:
             model.names[frame.parentJoint] = new
     return original
-
-
-@dataclass(frozen=True)
-class Way:
-    """Joints of a tree between two bodies."""
-
-    up: tuple[int, ...]  # from the base to the body that the ways from the root to both share
-    down: tuple[int, ...]  # from there to the tip
-    before: tuple[int, ...]  # from the root to there
-
-    @property
-    def path(self) -> tuple[int, ...]:
-        """All joints from the base to the tip."""
-        return (*self.up, *self.down)
-
-    def told(self, model: pin.Model) -> Iterator[str]:
-        """Return the notes on joints before the chain, and on those traversed backwards."""
-
-        def names(joints: tuple[int, ...]) -> str:
-            return ", ".join(model.names[j] for j in joints)
-
-        if not self.up:
-            if self.before:
-                yield f"joints before the base are locked: {names(self.before)}"
-            return
-        then = f", then {names(self.down)}" if self.down else ""
-        yield (
-            f"from the base towards the root, so traversed backwards: {names(self.up)}{then}; "
-            "values, signs and limits are those of the robot, in this order"
-        )
-        if self.before:
-            yield f"joints nearer the root do not matter to this chain: {names(self.before)}"
-        if len(self.path) > LONGEST:
-            yield f"{len(self.path)} joints are many: the closed forms may not be complete in time"
-
-
-def way_between(model: pin.Model, start: int, end: int) -> Way:
-    """The way between the bodies of two joints, given by index; 0 is the root."""
-    before, after = joint_path(model, start), joint_path(model, end)
-    shared = 0
-    while shared < min(len(before), len(after)) and before[shared] == after[shared]:
-        shared += 1
-    return Way(before[shared:][::-1], after[shared:], before[:shared])
 
 
 def turned_round(

@@ -23,7 +23,7 @@ from pinsing.description.urdf import MAX_DEPTH, MAX_IN_A_TREE
 from pinsing.description.xml_tree import MAX_BYTES, Node, UrdfSource, parse_xml, read_bytes, show
 from pinsing.errors import RobotFileError
 from pinsing.measures import Array
-from pinsing.robot.source import given_model
+from pinsing.robot.arm import given_model
 
 SUFFIXES = (".xml", ".mjcf")
 

@@ -1,14 +1,18 @@
-"""Nominal geometry: the chain of an arm with exact numbers, and what that changed.
+"""The chain of an arm as plain numbers, as exact ones (nominal geometry), and its design.
 
-Model files carry rounded angles (``rpy="1.5708"``) and the float noise of composed
-placements. The nominal chain puts angles near multiples of 90 degrees exactly there,
-keeps multiples of 15 degrees as the square roots that they are made of, leaves lengths at
-their decimal value, and replaces any other twist by a rational point of the unit
+A chain is constant placements between z axes. Model files carry rounded angles (``rpy="1.5708"``)
+and the float noise of composed placements. The nominal chain puts angles near multiples of 90
+degrees exactly there, keeps multiples of 15 degrees as the square roots that they are made of,
+leaves lengths at their decimal value, and replaces any other twist by a rational point of the unit
 circle. Everything that was moved is listed with its size.
 
 A turn about a joint's own axis is no geometry at all: it only shifts where the joint's
 zero is. Such turns are taken out of the placements and kept as joint offsets, so that a
 link turned by 45 degrees about its axis stays exact.
+
+The design of a robot is what its file is an imperfect copy of. Two chains are compared by their
+joint axes at zero, as lines in space, once they lie on each other as well as they can: neither the
+base nor where a file puts its frames on an axis matters.
 """
 
 from __future__ import annotations
@@ -16,28 +20,187 @@ from __future__ import annotations
 import itertools
 import math
 import random
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.measures import FLOAT_NOISE, ROUNDING, SEED, Array, Chain
 from pinsing.notebook import one_line
 from pinsing.robot.arm import Arm
-from pinsing.robot.chain import (
-    chain_model,
-    flatten,
-    jacobian_change,
-    keep_chain,
-    rotation_angle,
-    with_fixed_joints_put,
-)
+from pinsing.robot.models import axis_rotation, joint_axis
 from pinsing.robot.surd import Exact, Surd, cosine, residue, sine
 from pinsing.robot.task import Task
+
+
+def flatten(arm: Arm) -> Chain:
+    """Return the chain with every axis along z, a joint for each model velocity; read-only."""
+    return arm.once("chain", lambda: _flatten(arm))
+
+
+def _flatten(arm: Arm) -> Chain:
+    model = arm.model
+    rotations, translations, sliding = [], [], []
+    before = np.eye(3)
+    for index in range(1, model.njoints):
+        axis, prismatic = joint_axis(model.joints[index])
+        turned = axis_rotation(axis)
+        placement = model.jointPlacements[index]
+        rotations.append(before.T @ placement.rotation @ turned)
+        translations.append(before.T @ placement.translation)
+        sliding.append(prismatic)
+        before = turned
+    tip = model.frames[arm.tip_id].placement
+    rotations.append(before.T @ tip.rotation)
+    translations.append(before.T @ tip.translation)
+    return _frozen(
+        Chain(np.array(rotations), np.array(translations), np.array(sliding, dtype=bool))
+    )
+
+
+def chain_differs(arm: Arm, placements: Array) -> bool:
+    """Whether joints of an arm are placed otherwise than ``placements`` (k + 1, 3, 4) say."""
+    here = placements_of(arm)
+    return here.shape != placements.shape or bool(np.abs(here - placements).max() > ROUNDING)
+
+
+def placements_of(arm: Arm) -> Array:
+    """Return where joints and tip are in the joint before (k + 1, 3, 4): rotations, and metres."""
+    chain = flatten(arm)
+    return np.concatenate([chain.R, chain.t[..., None]], axis=2)
+
+
+def with_fixed_joints_put(
+    arm: Arm, put: Callable[[int, Array], Array | None]
+) -> tuple[Array, Array]:
+    """Return placements (R, t), rotations of fixed joints by ``put(i, R)`` where it is not None."""
+    raw, model = flatten(arm), arm.model
+    R, t = raw.R.copy(), raw.t.copy()
+    own = {f.parentJoint: f.parentFrame for f in model.frames if f.type == pin.FrameType.JOINT}
+    before = np.eye(3)
+    for i in range(raw.n + 1):
+        tip = model.frames[arm.tip_id]
+        at = own.get(i + 1, 0) if i < raw.n else tip.parentFrame
+        place = model.jointPlacements[i + 1] if i < raw.n else tip.placement
+        composed = [place]
+        while (here := model.frames[at]).parentJoint == i and here.type != pin.FrameType.JOINT:
+            composed.append(here.placement)
+            if here.parentFrame >= at:  # the universe, or a locked joint: Pinocchio's own parent
+                break
+            at = here.parentFrame
+        made, last, moved = pin.SE3.Identity(), pin.SE3.Identity(), False
+        for here in reversed(composed):
+            step = last.actInv(here)
+            found = None if here is place else put(i, step.rotation)
+            made = made * (step if found is None else pin.SE3(found, step.translation))
+            last, moved = here, moved or found is not None
+        if moved:
+            R[i] = before.T @ made.rotation @ place.rotation.T @ before @ R[i]
+            t[i] = before.T @ made.translation
+        if i < raw.n:
+            before = axis_rotation(joint_axis(model.joints[i + 1])[0])
+    return R, t
+
+
+def on_chain(arm: Arm, chain: Chain, **changes: Any) -> Arm:
+    """Return an arm with another chain, and other fields."""
+    made = replace(arm, model=chain_model(chain, arm), **changes)
+    R, t = (np.add(x, 0.0, order="C") for x in (chain.R, chain.t))  # no zero has a sign
+    made.once("chain", lambda: _frozen(Chain(R, t, chain.prismatic)))
+    return made
+
+
+def _frozen(chain: Chain) -> Chain:
+    for array in (chain.R, chain.t, chain.prismatic):
+        array.flags.writeable = False
+    return chain
+
+
+def chain_model(chain: Chain, arm: Arm) -> pin.Model:
+    """Build a Pinocchio model of ``chain`` with the joint names, limits and tip of ``arm``."""
+    model = pin.Model()
+    model.name = arm.name
+    parent = 0
+    names = list(arm.model.names)[1:]
+    source = arm.model
+    for i, name in enumerate(names):
+        kind = pin.JointModelPZ() if chain.prismatic[i] else pin.JointModelRZ()
+        placement = pin.SE3(chain.R[i], chain.t[i])
+        joint = source.joints[i + 1]
+        if joint.nq == 1:
+            low = source.lowerPositionLimit[joint.idx_q : joint.idx_q + 1]
+            high = source.upperPositionLimit[joint.idx_q : joint.idx_q + 1]
+        else:
+            low, high = np.array([-np.inf]), np.array([np.inf])
+        effort = source.effortLimit[joint.idx_v : joint.idx_v + 1]
+        speed = source.velocityLimit[joint.idx_v : joint.idx_v + 1]
+        parent = model.addJoint(parent, kind, placement, name, effort, speed, low, high)
+        model.addJointFrame(parent)
+    tip = pin.SE3(chain.R[-1], chain.t[-1])
+    model.addFrame(pin.Frame(arm.tip, parent, 0, tip, pin.FrameType.OP_FRAME))
+    return model
+
+
+def jacobian_change(one: Chain, other: Chain, arm: Arm, tip_angle: float = 0.0) -> float:
+    """Bound the norm by which scaled Jacobian columns differ between two chains, over the limits.
+
+    With e_k the angle and d_k the length by which C_k differs, column i (z x p, z) turns by at most
+    E_i, the sum of e_k, k <= i, and p moves by at most D_i, the sum over k > i of d_k plus
+    |t_k| (e_{i+1} + ... + e_{k-1}), slides included: so the bounds are D_i + E_i reach (over the
+    length scale) and E_i. The tip's own axes turn by all angles and ``tip_angle`` (radians) more.
+    """
+    n = one.n
+    angle = np.array([rotation_angle(a.T @ b) for a, b in zip(one.R, other.R, strict=True)])
+    angle[n] = 0.0  # what it turns is the tip frame alone
+    with_tip = float(angle.sum()) + tip_angle if arm.task.at_tip else 0.0
+    shift = np.linalg.norm(one.t - other.t, axis=1)
+    travel = _travel(arm)
+    step = np.linalg.norm(one.t, axis=1) + np.linalg.norm(other.t, axis=1)
+    step /= 2
+    step[1:] += np.where(one.prismatic, travel, 0.0)
+    beyond = np.concatenate([np.cumsum(step[::-1])[::-1][1:], [0.0]])  # reach past C_k's origin
+    turned = np.cumsum(angle)[:n]
+    moved, spun = np.zeros(n), np.zeros(n)
+    for i in range(n):
+        if one.prismatic[i]:
+            moved[i] = turned[i] + with_tip
+            continue
+        # An unlimited slide has an infinite step: no turn before it, no change.
+        on_the_way = _product(np.cumsum(angle[i + 1 :]) - angle[i + 1 :], step[i + 1 :])
+        moved[i] = shift[i + 1 :].sum() + on_the_way.sum()
+        moved[i] += _product(turned[i] + with_tip, beyond[i])
+        spun[i] = turned[i] + with_tip
+    if arm.coupling is not None:  # a free joint moves its followers along
+        matrix = np.abs(arm.coupling.matrix)
+        moved, spun = _product(matrix.T, moved).sum(axis=-1), matrix.T @ spun
+    return float(np.hypot(moved / arm.length_scale, spun).max())
+
+
+def _travel(arm: Arm) -> Array:
+    """Largest distance of each joint of the model from its zero, within the limits."""
+    travel = np.maximum(np.abs(arm.lower), np.abs(arm.upper))
+    if arm.coupling is None:
+        return travel
+    return np.asarray(
+        _product(np.abs(arm.coupling.matrix), travel).sum(axis=1) + np.abs(arm.coupling.offset)
+    )
+
+
+def _product(a: Array | float, b: Array | float) -> Array:
+    """Product in which zero times infinity is zero."""
+    out = np.zeros(np.broadcast_shapes(np.shape(a), np.shape(b)))
+    return np.multiply(a, b, out=out, where=(np.asarray(a) != 0) & (np.asarray(b) != 0))
+
+
+def rotation_angle(R: Array) -> float:
+    """Angle (radians) of a rotation matrix, accurate near zero."""
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R.tolist()
+    return math.atan2(math.hypot(zy - yz, xz - zx, yx - xy) / 2, (xx + yy + zz - 1) / 2)
 
 
 @dataclass(frozen=True)
@@ -487,10 +650,10 @@ def nominal(arm: Arm, angle_tol: float = ANGLE_TOL, snap_length: float = 0.0) ->
     key = (float(angle_tol), float(snap_length))
     if key == USUAL and _ITSELF in arm.known:  # made for each who asks: an arm holds not itself
         return Nominal(arm=arm, **arm.known[_ITSELF], snaps=(), jacobian_change=0.0)
-    return arm.once(f"nominal {key}", lambda: _on(arm, key))
+    return arm.once(f"nominal {key}", lambda: _nominal(arm, key))
 
 
-def _on(arm: Arm, key: tuple[float, float]) -> Nominal:
+def _nominal(arm: Arm, key: tuple[float, float]) -> Nominal:
     ends = [arm.base, *list(arm.model.names)[1:], arm.tip]
     places = [f"{a} to {b}" for a, b in itertools.pairwise(ends)]
     raw = flatten(arm)
@@ -511,7 +674,7 @@ def _on(arm: Arm, key: tuple[float, float]) -> Nominal:
             R[i] = R[i] @ turn_about_z(float(offset[i]))
     R[n] = R[n] @ tip_turn
     chain = Chain(np.array(R), t, raw.prismatic)
-    on_it = replace(arm, model=chain_model(chain, arm))
+    on_it = on_chain(arm, chain)
     exact: dict[str, Any] = {
         "rotation": found.rotation,
         "translation": found.translation,
@@ -520,7 +683,6 @@ def _on(arm: Arm, key: tuple[float, float]) -> Nominal:
         "offset": offset,
     }
     on_it.known[_ITSELF] = exact
-    keep_chain(on_it, chain)
     snaps = tuple(s for s in found.snaps if s.size > 0)
     return Nominal(arm=on_it, **exact, snaps=snaps, jacobian_change=change)
 
@@ -600,3 +762,154 @@ def jacobian_at(geometry: Nominal, task: Task, p: int, motions: Sequence[Motion]
         ((tip if at_tip else base)[r % 3] @ J[r // 3] % p).tolist()
         for r, at_tip in zip(task.rows, task.tip_rows, strict=True)
     ]
+
+
+ANGLE, LENGTH = 1e-2, 1e-3
+"""Radians and metres within which a detected design has right angles, no offset, equal lengths."""
+
+
+@dataclass(frozen=True)
+class AxisDifference:
+    """How far a joint's axis is from where the design has it.
+
+    Attributes
+    ----------
+    joint : str
+        Name of the joint.
+    angle : float
+        Radians between the two axes.
+    length : float
+        Metres of the joint's origin from the axis of the design.
+    """
+
+    joint: str
+    angle: float
+    length: float
+
+    def __str__(self) -> str:
+        return f"{self.joint} {np.degrees(self.angle):.2g}° and {1e3 * self.length:.2g} mm"
+
+
+def design_of(
+    robot: Arm, design: Arm | bool, angle_tol: float = ANGLE, snap_length: float = LENGTH
+) -> Arm:
+    """Return the arm on the geometry of a design; OptionError if that is another robot."""
+    OptionError.refuse_if(
+        robot.coupling is not None, "a design goes with arms without mimic joints in the chain"
+    )
+    if isinstance(design, bool):
+        geometry = nominal(robot, angle_tol, snap_length)
+        chain = flatten(geometry.arm)
+        if Deviation.of(geometry.snaps) is not None:
+            chain = replace(chain, t=_with_equal_lengths(chain.t, snap_length))
+        return on_chain(robot, chain, design=None)
+    OptionError.refuse_if(
+        design.coupling is not None or list(design.prismatic) != list(robot.prismatic),
+        f"the design {design.name!r} has {design.n} joints of other kinds than the {robot.n} "
+        f"of {robot.name!r}: name the design of this robot",
+    )
+    made = on_chain(robot, flatten(nominal(design).arm), design=None)
+    require_same(robot, made, f"the design {design.name!r}")
+    return made
+
+
+def _with_equal_lengths(t: Array, within: float) -> Array:
+    """Make nearly equal lengths of placements (n, 3) equal, so that they can cancel."""
+    out, left = t.copy(), np.flatnonzero(t)
+    left = left[np.argsort(np.abs(t.flat[left]), kind="stable")]
+    while len(left):
+        size = np.abs(t.flat[left])
+        if (count := int((size - size[0] < 2 * within).sum())) > 1:
+            out.flat[left[:count]] = np.copysign(size[:count].mean().round(6), t.flat[left[:count]])
+        left = left[count:]
+    return np.asarray(out)
+
+
+def require_same(robot: Arm, design: Arm, called: str) -> None:
+    """Raise OptionError if an axis is elsewhere by 0.1 rad, or a tenth of all links' length."""
+    size = float(np.linalg.norm(flatten(design).t, axis=1).sum())
+    worst = max(differences(robot, design), key=lambda d: max(d.angle, d.length / size))
+    OptionError.refuse_if(
+        max(worst.angle, worst.length / size) > 0.1,
+        f"{called} is another robot, or has its joint zeros elsewhere: the axis of "
+        f"{worst.joint} differs by {np.degrees(worst.angle):.3g}° and "
+        f"{1e3 * worst.length:.3g} mm",
+    )
+
+
+def is_odd(robot: Arm) -> bool:
+    """Return True if most axes are off, as after a calibration, and small offsets are left."""
+    left = np.abs(flatten(robot.design or robot).t)
+    if not ((left > 1e-9) & (left < 10 * LENGTH)).any():
+        return False
+    return len({s.where for s in nominal(robot, 0.0).snaps if s.what == "twist"}) > robot.n / 2
+
+
+def differences(robot: Arm, design: Arm | Chain) -> tuple[AxisDifference, ...]:
+    """Return how far each axis of a robot is from that of its design, base to tip."""
+    made = design if isinstance(design, Chain) else flatten(design)
+    (d, p), (d0, p0) = axes(flatten(robot)), axes(made)
+    R, t = alignment((d, p), (d0, p0))
+    d0, p0 = d0 @ R.T, p0 @ R.T + t
+    angle = np.arctan2(np.linalg.norm(np.cross(d, d0), axis=1), (d * d0).sum(axis=1))
+    away = np.linalg.norm(np.cross(p - p0, d0), axis=1) * ~np.asarray(robot.prismatic)
+    return tuple(map(AxisDifference, robot.joints, angle.tolist(), away.tolist()))
+
+
+def deviation_of(assumed: Sequence[AxisDifference]) -> Deviation:
+    """Return how far a robot is from its design at most."""
+    return Deviation(max(a.angle for a in assumed), max(a.length for a in assumed), 0.0)
+
+
+def assumptions(assumed: Sequence[AxisDifference]) -> str:
+    """Return what is assumed of each joint, in a sentence."""
+    return "axes of this robot differ from the design's by " + ", ".join(map(str, assumed))
+
+
+def assumed_design(robot: Arm) -> Arm | None:
+    """Return the design of a robot most of whose placements are off one, as after a calibration."""
+    # By 0.1 mrad, or by offsets of 0.02 mm that the design has not, of these two at least: angles
+    # alone are off where somebody wrote 1.57. Rounding is far less.
+    if robot.coupling is not None:
+        return None
+    snaps = nominal(robot, ANGLE, LENGTH).snaps
+    offset = {s.where for s in snaps if s.what == "length" and s.size > 2e-5}
+    turned = {s.where for s in snaps if s.what == "angle" and s.size > 1e-4}
+    few = len(offset) < 2 or len(offset | turned) <= robot.n / 2
+    return None if few else design_of(robot, True)
+
+
+def axes(chain: Chain) -> tuple[Array, Array]:
+    """Directions and points (n, 3) of the joint axes at zero."""
+    R, p, directions, points = np.eye(3), np.zeros(3), [], []
+    for turn, step in zip(chain.R[:-1], chain.t[:-1], strict=True):
+        p, R = p + R @ step, R @ turn
+        directions.append(R[:, 2])
+        points.append(p)
+    return np.array(directions), np.array(points)
+
+
+def alignment(to: tuple[Array, Array], lines: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Return the motion (R, t) that best puts lines on others, by Gauss-Newton."""
+    (d, p), (d0, p0) = to, lines
+    size = max(float(np.abs(p - p.mean(axis=0)).max()), 1e-9)
+    middle, origin = p.mean(axis=0), p0.mean(axis=0)
+    m, m0 = np.cross((p - middle) / size, d), np.cross((p0 - origin) / size, d0)
+    u, _, v = np.linalg.svd(d.T @ d0 + m.T @ m0)
+    turn = u @ np.diag([1, 1, np.linalg.det(u @ v)]) @ v
+    found = []
+    for R in (np.eye(3), turn):
+        b = np.zeros(3)
+        for _ in range(20):
+            here, moment = d0 @ R.T, m0 @ R.T
+            moment = moment + np.cross(b, here)
+            off = np.concatenate([d - here, m - moment]).ravel()
+            turned, moved = (np.cross(np.eye(3)[:, None], x) for x in (here, moment))
+            rise = np.block([[[turned], [moved]], [[0 * turned], [turned]]])
+            step = np.linalg.lstsq(rise.reshape(6, -1).T, off, rcond=1e-9)[0]
+            spin = pin.exp3(step[:3])
+            R, b = spin @ R, spin @ b + step[3:]
+            if np.abs(step).max() < FLOAT_NOISE:
+                break
+        found.append((float(np.abs(off).max()), R, middle + size * b - R @ origin))
+    return min(found, key=lambda f: f[0])[1:]

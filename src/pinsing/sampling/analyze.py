@@ -16,6 +16,7 @@ from pinsing.arguments import MAX_SEED, MAX_STARTS, checked, whole_number
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, Family, closed_form
 from pinsing.families.form import answer_text, families_text
+from pinsing.kinematics.jacobian import NEAR_RTOL, SINGULAR_RTOL, measure, ratios
 from pinsing.kinematics.refine import (
     SingularConfiguration,
     approach,
@@ -23,7 +24,6 @@ from pinsing.kinematics.refine import (
     describe_many,
     walk,
 )
-from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, measure, ratios
 from pinsing.measures import ALIKE, PRACTICAL, Array, ArrayLike, Bool, NDArray, Reachability
 from pinsing.notebook import text, verdict
 from pinsing.prose import PLAIN, Page, Span, alarm, caution, unbroken

@@ -27,8 +27,7 @@ from pinsing._batch.engine import cpu_count
 from pinsing.atomic_write import is_temporary, replace_file, sync_folder
 from pinsing.chunk_file import DamagedError, Record, pack, read_bounded, unpack
 from pinsing.errors import OptionError, OutputError, PinsingError, WorkerError, why
-from pinsing.kinematics.batch import Batch
-from pinsing.kinematics.verdict import fixed_batch, recorded_engine
+from pinsing.kinematics.jacobian import Batch, fixed_batch, recorded_engine
 from pinsing.prose import LISTED
 from pinsing.robot.arm import Arm
 

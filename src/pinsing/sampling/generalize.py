@@ -18,9 +18,8 @@ import numpy as np
 
 from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.kinematics.batch import own_scale
+from pinsing.kinematics.jacobian import SINGULAR_RTOL, Status, own_scale, ratios
 from pinsing.kinematics.refine import SingularConfiguration, approach
-from pinsing.kinematics.verdict import SINGULAR_RTOL, Status, ratios
 from pinsing.measures import Array, ArrayLike, Bool, Reachability
 from pinsing.prose import Span, listed, unbroken, verdict
 from pinsing.robot.arm import Arm

@@ -25,8 +25,16 @@ from pinsing.arguments import checked, typed
 from pinsing.chunk_file import Record
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.families.solve import form_to_measure
-from pinsing.kinematics.batch import PINOCCHIO, Batch, batch, own_scale
-from pinsing.kinematics.verdict import generic_rank, measured, run_identity, scale_notes
+from pinsing.kinematics.jacobian import (
+    PINOCCHIO,
+    Batch,
+    batch,
+    generic_rank,
+    measured,
+    own_scale,
+    run_identity,
+    scale_notes,
+)
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL, Array, ArrayLike, Bool, NDArray
 from pinsing.prose import PLAIN, Page, Span, Table, alarm, caution, verdict
 from pinsing.proximity.clearance import Forms, nearest_family, require_forms_of, watch

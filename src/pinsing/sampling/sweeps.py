@@ -28,18 +28,19 @@ from pinsing.arguments import MAX_SEED, checked, typed, whole_number
 from pinsing.atomic_write import MEBIBYTE, write_bytes
 from pinsing.chunk_file import DamagedError, Record, read_arrays, read_bounded
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
-from pinsing.kinematics.batch import Batch, batch
-from pinsing.kinematics.jacobian import singular_values
-from pinsing.kinematics.verdict import (
+from pinsing.kinematics.jacobian import (
     NEAR_RTOL,
     SINGULAR_RTOL,
+    Batch,
     Status,
+    batch,
     generic_rank,
     last_and_ratio,
     measured,
     ratios,
     run_identity,
     scale_notes,
+    singular_values,
     status_of,
 )
 from pinsing.measures import ROUNDING, Array, ArrayLike, Bool, Ints, NDArray

@@ -16,10 +16,9 @@ from pinsing.errors import OptionError
 from pinsing.families import Branch, Family, JointValue, joint_symbols
 from pinsing.families.describe import telling_poses
 from pinsing.kinematics.at import never_produced
-from pinsing.kinematics.batch import own_scale
+from pinsing.kinematics.jacobian import NEAR_RTOL, SINGULAR_RTOL, generic_rank, own_scale, task_size
 from pinsing.kinematics.lost_motion import arm_centres, moving_columns
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge
-from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, generic_rank, task_size
 from pinsing.measures import Array, ArrayLike, Bool, Reachability
 from pinsing.robot.arm import Arm
 from pinsing.robot.models import joint_axis
