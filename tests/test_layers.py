@@ -173,7 +173,7 @@ def modules_after(code: str) -> tuple[str, set[str]]:
 def test_the_help_of_a_command_waits_for_little():
     """Nor does what the child of xacro imports, which starts for each xacro file and DH table."""
     _, loaded = modules_after(
-        "from pinsing.cli import at, check, families, path, plot, postures, report, view;"
+        "from pinsing.cli import families, motion, robots, show;"
         "import pinsing.errors, pinsing.description.catalog, pinsing.description.xacro_rules;"
         "pinsing.description.catalog.known_robots()"
     )

@@ -4,8 +4,8 @@ import time
 
 import pytest
 
-from pinsing.cli import running as module
-from pinsing.cli.running import waiting
+from pinsing.cli import output as module
+from pinsing.cli.output import waiting
 
 
 def test_a_long_step_is_said_once_and_a_short_one_never(capsys: pytest.CaptureFixture[str]) -> None:

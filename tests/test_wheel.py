@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from pinsing.cli.app import COMMANDS
-from pinsing.cli.plot import KINDS
+from pinsing.cli.show import KINDS
 
 ROOT = Path(__file__).parent.parent
 # What scripts/demo and scripts/setup call. No compiler, no CMake, nothing else.

@@ -11,7 +11,7 @@ import click
 from click.testing import CliRunner
 
 from pinsing.cli.mechanism import analyze_loops, loops_option, view_loops
-from pinsing.cli.plot import plot_loops
+from pinsing.cli.show import plot_loops
 from pinsing.errors import OptionError, PinsingError
 from pinsing.loops import (
     MechanismAnalysis,

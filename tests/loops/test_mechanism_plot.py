@@ -10,7 +10,7 @@ from mechanisms import URDF, shipped
 from tiers import tiered
 from urdf_text import J, Y, frame, loop_text, written
 
-from pinsing.cli.plot import plot_loops
+from pinsing.cli.show import plot_loops
 from pinsing.errors import OptionError
 from pinsing.loops import home, mechanism_at, mode_of, refine
 from pinsing.loops.closure import Loops, output_pose

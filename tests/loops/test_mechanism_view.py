@@ -111,7 +111,7 @@ def test_a_model_without_a_file_is_shown_as_a_skeleton() -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 def test_the_command_serves_until_it_is_ended() -> None:
-    run = "import sys; from pinsing.cli.view import view_command; view_command(sys.argv[1:])"
+    run = "import sys; from pinsing.cli.show import view_command; view_command(sys.argv[1:])"
     loops = str(URDF / "four_bar.loops.yaml")
     words = [str(URDF / "four_bar.urdf"), "--loops", loops, "--no-open", "--q", "40", "--deg"]
     process = subprocess.Popen(

@@ -389,7 +389,7 @@ WRITTEN = [
 
 @pytest.mark.parametrize(("words", "suffix"), tiered_rows(WRITTEN, WRITTEN[4:5]))
 def test_the_command_writes_figures(tmp_path: Path, words: str, suffix: str) -> None:
-    from pinsing.cli.plot import plot_command
+    from pinsing.cli.show import plot_command
 
     first, second = tmp_path / f"a.{suffix}", tmp_path / f"b.{suffix}"
     for file in (first, second):
@@ -426,7 +426,7 @@ def test_a_command_draws_whatever_backend_the_environment_names(tmp_path: Path) 
 def test_the_command_says_what_is_wrong(
     words: str, kind: type[Exception], match: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from pinsing.cli.plot import plot_command
+    from pinsing.cli.show import plot_command
 
     monkeypatch.chdir(tmp_path)
     result = CliRunner().invoke(plot_command, words.split())

@@ -88,7 +88,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Figu
 
     def draw(*words: str) -> Figure:
         kept: list[Figure] = []
-        monkeypatch.setattr("pinsing.cli.plot.save_figure", lambda f, *a, **k: kept.append(f))
+        monkeypatch.setattr("pinsing.cli.show.save_figure", lambda f, *a, **k: kept.append(f))
         done = run("plot", *words, "-o", str(tmp_path / "a.png"))
         if done.exit_code == 2 or "Traceback" in done.output:
             assert done.exit_code == 2, done.output

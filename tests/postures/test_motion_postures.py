@@ -84,7 +84,7 @@ def test_pages_and_reports_give_the_advice_of_the_terminal(tmp_path, monkeypatch
     assert " of the samples" in said
     assert " of the time" not in said
     given = []
-    monkeypatch.setattr("pinsing.cli.report._write", lambda *args: given.append(args[7]))
+    monkeypatch.setattr("pinsing.cli.show._write", lambda *args: given.append(args[7]))
     told = run("report", "ur5", "-o", str(page), "--trajectory", str(path)).stdout
     assert told.startswith("way.csv: crosses the wrist singularity")
     assert advice in " ".join(told.splitlines()[:4])

@@ -362,7 +362,7 @@ def test_a_second_head_is_taken_or_ends_the_stream(form):
 def test_a_file_is_drawn_at_its_own_times_or_line_by_line(
     form, tmp_path, monkeypatch, capsys, times, steps, kept
 ):
-    import pinsing.cli.view as module
+    import pinsing.cli.show as module
 
     class Clock:
         now = 7.0

@@ -17,7 +17,7 @@ from click import UsageError
 from click.testing import CliRunner
 
 import pinsing
-from pinsing.cli.report import report_command
+from pinsing.cli.show import report_command
 from pinsing.errors import ConfigurationError, OptionError, OutputError
 from pinsing.proof.checker import verify
 from pinsing.proximity.trajectory import summary

@@ -16,7 +16,7 @@ from tiers import tiered
 
 from pinsing import singular_values
 from pinsing._batch import engine as kernel
-from pinsing.cli.running import Meter, duration, short
+from pinsing.cli.output import Meter, duration, short
 from pinsing.errors import (
     ConfigurationError,
     EngineError,

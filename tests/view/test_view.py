@@ -327,7 +327,7 @@ def test_a_notebook_gets_the_page_itself() -> None:
     assert viewer._server is None
 
 
-_RUN = "import sys; from pinsing.cli.view import view_command; view_command(sys.argv[1:])"
+_RUN = "import sys; from pinsing.cli.show import view_command; view_command(sys.argv[1:])"
 
 
 def start(*words: str) -> tuple[subprocess.Popen[str], str]:
@@ -412,7 +412,7 @@ def test_every_page_says_how_complete_its_list_is(tmp_path: Path, what: str) -> 
 def test_a_saved_analysis_is_shown(tmp_path: Path) -> None:
     from click.testing import CliRunner
 
-    from pinsing.cli.view import view_command
+    from pinsing.cli.show import view_command
 
     found = closed_form(load("scara"))
     saved = tmp_path / "scara.json"

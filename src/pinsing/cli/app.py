@@ -21,28 +21,28 @@ from pinsing.cli import STOPPED, memory_problem, memory_refusal
 from pinsing.cli.options import placeholder, values_named
 from pinsing.cli.output import (
     READER_GONE,
+    WORDS,
     StdoutError,
     complain,
     give_up_stdout,
     guard_streams,
     say,
 )
-from pinsing.cli.running import WORDS
 from pinsing.errors import OptionError, PinsingError, UnknownNameError, shown_path, why
 
 COMMANDS: dict[str, tuple[str, str]] = {
     "families": ("families", "Find all families of singular configurations."),
-    "at": ("at", "Analyze one configuration, or suggest one (--suggest)."),
-    "check": ("check", "Check a trajectory for singularities."),
-    "path": ("path", "Find the joint path of a toolpath with the largest clearance."),
-    "zones": ("zones", "Find how near to singularities tip speeds are kept."),
-    "line": ("path", "Check a straight line of the tip (MoveL)."),
-    "postures": ("postures", "List the other postures of a pose, or the aspects of an arm."),
-    "analyze": ("singularities", "Cross-check the families with a sweep of the joints (--sweep)."),
-    "map": ("singularities", "Compute singular values over a grid or sample."),
-    "view": ("view", "Show singular poses and velocity ellipsoids in a browser."),
-    "plot": ("plot", "Draw curves, maps and ellipsoids."),
-    "report": ("report", "Write a self-contained report."),
+    "at": ("motion", "Analyze one configuration, or suggest one (--suggest)."),
+    "check": ("motion", "Check a trajectory for singularities."),
+    "path": ("motion", "Find the joint path of a toolpath with the largest clearance."),
+    "zones": ("motion", "Find how near to singularities tip speeds are kept."),
+    "line": ("motion", "Check a straight line of the tip (MoveL)."),
+    "postures": ("motion", "List the other postures of a pose, or the aspects of an arm."),
+    "analyze": ("families", "Cross-check the families with a sweep of the joints (--sweep)."),
+    "map": ("families", "Compute singular values over a grid or sample."),
+    "view": ("show", "Show singular poses and velocity ellipsoids in a browser."),
+    "plot": ("show", "Draw curves, maps and ellipsoids."),
+    "report": ("show", "Write a self-contained report."),
     "export": ("families", "Export a guard as C or Python, or a DH table as URDF."),
     "verify": ("families", "Check certificates."),
     "list": ("robots", "List the known robots, or show how one is interpreted."),
@@ -50,10 +50,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
 """Module of `pinsing.cli` that holds the function NAME_command, and what it is for in a line."""
 
 VARIANTS = {
-    "analyze --sweep": ("singularities", "sweep"),
-    "at --suggest": ("at", "suggest"),
-    "postures --aspects": ("postures", "aspects"),
-    "postures --cuspidal": ("postures", "cuspidal"),
+    "analyze --sweep": ("families", "sweep"),
+    "at --suggest": ("motion", "suggest"),
+    "postures --aspects": ("motion", "aspects"),
+    "postures --cuspidal": ("motion", "cuspidal"),
     "export --urdf": ("robots", "dh"),
     "list --info": ("robots", "info"),
 }

@@ -1,15 +1,30 @@
-"""``pinsing families``, ``verify`` and ``export``: closed forms, certificates of them, guards."""
+"""``pinsing families``, ``analyze``, ``map``, ``verify`` and ``export``: of an arm as a whole.
+
+Closed forms, certificates of them, guards; ``analyze``, with ``--sweep`` or not, and ``map`` over
+all of the joints.
+"""
 
 from __future__ import annotations
 
 import functools
+import math
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from pinsing.cli.mechanism import families_loops, loops_option
+from pinsing.cli import STOPPED, completion
+from pinsing.cli.mechanism import (
+    analyze_loops,
+    families_loops,
+    joints_option,
+    loops_option,
+    map_loops,
+    over_option,
+)
 from pinsing.cli.options import (
     RobotRequest,
     arm_options,
@@ -17,13 +32,29 @@ from pinsing.cli.options import (
     deg_option,
     fail_option,
     in_degrees,
+    joint_names,
+    joint_vector,
+    json_option,
+    once_option,
     output_option,
+    parse_numbers,
     verbose_option,
+    whole_number,
+    zones_option,
 )
-from pinsing.cli.output import STDOUT, emit, emit_json, put, say
-from pinsing.cli.running import waiting
-from pinsing.cli.singularities import algebra_options, prove_option
-from pinsing.cli.zones import zones_option
+from pinsing.cli.output import (
+    STDOUT,
+    RunPlace,
+    emit,
+    emit_json,
+    emit_json_data,
+    place_options,
+    put,
+    run_progress,
+    say,
+    say_stopped,
+    waiting,
+)
 from pinsing.errors import OptionError, RobotFileError
 from pinsing.prose import Page
 
@@ -31,6 +62,452 @@ if TYPE_CHECKING:
     from pinsing.families import ClosedForm
     from pinsing.families.solve import Prove
     from pinsing.proximity.zones import Zones
+    from pinsing.robot.arm import Arm
+    from pinsing.sampling.generalize import Finding
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+RAW_ANGLE_TOL = 1e-10
+"""Radians: with --raw, only float noise is taken out of the angles that tests are run on."""
+
+
+def geometry_options(command: F) -> F:
+    """Add ``--raw`` and ``--nominal``; the command gets ``geometry``: "raw", "nominal", "both"."""
+
+    @click.option("--raw", is_flag=True, help="Everything on the numbers of the file as they are.")
+    @click.option(
+        "--nominal", is_flag=True, help="Everything on the nominal geometry: rounding taken out."
+    )
+    @functools.wraps(command)
+    def wrapper(*args: Any, raw: bool, nominal: bool, **rest: Any) -> Any:
+        OptionError.refuse_if(raw and nominal, "--raw and --nominal exclude each other")
+        return command(*args, geometry="raw" if raw else "nominal" if nominal else "both", **rest)
+
+    return wrapper  # type: ignore[return-value]
+
+
+def algebra_options(command: F) -> F:
+    """Add the options of closed forms; the command gets those that were given as ``algebra``."""
+
+    @click.option(
+        "--seconds",
+        type=float,
+        metavar="S",
+        help="Time for the answer.  [default: 10, analyze 60, with --loops none]",
+    )
+    @click.option(
+        "--angle-tol",
+        type=float,
+        metavar="RAD",
+        help="Angles this close to a multiple of 90 degrees count as exact.  [default: 0.002]",
+    )
+    @click.option(
+        "--snap-length",
+        type=float,
+        metavar="METRES",
+        help="Lengths below this count as zero: noise of the model file.  [default: off]",
+    )
+    @functools.wraps(command)
+    def wrapper(
+        *args: Any,
+        seconds: float | None,
+        angle_tol: float | None,
+        snap_length: float | None,
+        **rest: Any,
+    ) -> Any:
+        asked = {"seconds": seconds, "angle_tol": angle_tol, "snap_length": snap_length}
+        return command(*args, algebra={k: v for k, v in asked.items() if v is not None}, **rest)
+
+    return wrapper  # type: ignore[return-value]
+
+
+def prove_option(command: F) -> F:
+    """Add ``--prove``; the command gets ``prove`` as `closed_form` takes it."""
+    return click.option(
+        "--prove/--no-prove",
+        default=None,
+        callback=lambda ctx, param, value: "auto" if value is None else value,
+        help="Look for a certificate that no family is missing, for up to a minute (or --seconds), "
+        "or not at all.  [default: as far as a second or two of work leads]",
+    )(command)
+
+
+def sweep_options(quiet: bool = False) -> Callable[[F], F]:
+    """Add the options of the sweep; they reach the command as keyword arguments of `sweep`."""
+    # With ``quiet``, the notes of loading are left to the result, which repeats them.
+    return functools.partial(_with_sweep_options, quiet=quiet)
+
+
+def _with_sweep_options(command: F, *, quiet: bool) -> F:
+
+    @click.option(
+        "--nominal-q",
+        metavar="Q1,Q2,...",
+        help="Where joints stay while others are swept.  [default: a regular configuration]",
+    )
+    @click.option(
+        "--special",
+        metavar="A,B,...",
+        help="Special values of revolute joints.  [default: 0,pi/2,-pi/2,pi,-pi]",
+    )
+    @click.option(
+        "--levels",
+        metavar="1,2 or 1-3",
+        help="How many joints are held at special values at a time.",
+    )
+    @click.option("--samples", type=click.IntRange(min=2), help="Points of each swept curve.")
+    @click.option(
+        "--sweep-joints",
+        metavar="A,B,...",
+        shell_complete=completion.joints,
+        help="Joints that take part in the sweep.",
+    )
+    @click.option("--ignore-limits", is_flag=True, help="Ignore joint limits.")
+    @click.option(
+        "--no-prune", is_flag=True, help="Also sweep sets that contain one already found singular."
+    )
+    @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+    @functools.wraps(command)
+    def wrapper(
+        request: RobotRequest,
+        nominal_q: str | None,
+        special: str | None,
+        levels: str | None,
+        samples: int | None,
+        sweep_joints: str | None,
+        ignore_limits: bool,
+        no_prune: bool,
+        seed: int,
+        deg: bool,
+        **rest: Any,
+    ) -> Any:
+        # All that can be wrong without the robot is found before it is read.
+        chosen: dict[str, Any] = {
+            "ignore_limits": ignore_limits,
+            "prune": not no_prune,
+            "seed": seed,
+        }
+        if special is not None:
+            values = parse_numbers(special, "--special", deg)
+            chosen["special"] = tuple(map(math.radians, values) if deg else values)
+        if levels is not None:
+            chosen["levels"] = _levels(levels)
+        if samples is not None:
+            chosen["samples"] = samples
+        if nominal_q is not None:
+            parse_numbers(nominal_q, "--nominal-q", deg)
+        click.get_current_context().obj = request
+        arm = request.load(quiet)
+        if sweep_joints is not None:
+            chosen["joints"] = joint_names(arm, sweep_joints)
+        if nominal_q is not None:
+            chosen["nominal"] = joint_vector(arm, nominal_q, "--nominal-q", deg)
+        return command(arm, chosen, deg=deg, **rest)
+
+    return wrapper  # type: ignore[return-value]
+
+
+def _levels(text: str) -> tuple[int, ...]:
+    """``1,2`` or ``1-3`` as numbers."""
+    found: set[int] = set()
+    for part in text.split(","):
+        low, dash, high = part.strip().partition("-")
+        OptionError.refuse_if(
+            not low.isdigit() or (dash and not high.isdigit()),
+            f"--levels {text!r} is not of the form 1,2 or 1-3",
+        )
+        found.update(range(int(low), int(high if dash else low) + 1))
+    OptionError.refuse_if(not found, f"--levels {text!r} is empty; write it as 1,2 or 1-3")
+    return tuple(sorted(found))
+
+
+@command("sweep")
+@arm_options
+@sweep_options()
+@geometry_options
+@click.option("--no-keep", is_flag=True, help="Leave the curves out.  [default: kept up to 64 MiB]")
+@click.option(
+    "--chunk", type=click.IntRange(min=1), metavar="N", help="Jacobians of a chunk, more or less."
+)
+@place_options
+@deg_option
+@output_option(json_target=".json", npz=".npz", folder="/")
+@fail_option
+def sweep_command(
+    arm: Arm,
+    chosen: dict[str, Any],
+    geometry: str,
+    deg: bool,
+    npz: Path | None,
+    folder: Path | None,
+    no_keep: bool,
+    chunk: int | None,
+    place: RunPlace,
+    json_target: str | Path | None,
+    fail_if_singular: bool,
+) -> int:
+    """Sweep the joints of ROBOT level by level (joint-angle parameterization method).
+
+    Every dip of sigma_min is refined to machine accuracy and generalised to the joint values
+    that force it, whatever the others are. Takes any number of Jacobians in bounded memory.
+    FILE.npz gets the curves of sigma_min; a folder gets each chunk as soon as it is done, and the
+    same command resumes a sweep that was stopped or killed, with the same result. Ctrl-C stops
+    the sweep and keeps what is done. With --fail-if-singular, exits with 1 if any singularity was
+    found within the joint limits.
+    """
+    OptionError.refuse_if(
+        npz is not None and folder is not None,
+        f"-o {npz} and -o {folder}: the folder gets the curves already",
+    )
+    from pinsing.robot.nominal import nominal
+    from pinsing.sampling.analyze import singular_configurations
+    from pinsing.sampling.execute import ctrl_c_afterwards
+    from pinsing.sampling.sweeps import (
+        CURVES,
+        check_keep,
+        plan_sweep,
+        run_sweep,
+        save_npz,
+        sweep_text,
+    )
+    from pinsing.serialization import encode
+
+    tests = nominal(arm, angle_tol=RAW_ANGLE_TOL).arm if geometry == "raw" else nominal(arm).arm
+    swept = tests if geometry == "nominal" else arm
+    plan = plan_sweep(swept, **chosen, geometry=tests)
+    say(f"{plan.n_curves} curves, {plan.n_jacobians} Jacobians")
+    keep = False if no_keep else None
+    if npz is not None:  # a file is asked for its curves
+        check_keep(plan, not no_keep)
+    result = None
+    findings: tuple[Finding, ...] = ()
+    told = False
+    try:
+        with place.options() as where, run_progress() as progress, ctrl_c_afterwards():
+            result = run_sweep(
+                swept, plan, progress, keep=keep, chunk=chunk, out=folder, tell=say, **where
+            )
+            written = None if npz is None else save_npz(result, npz)
+        if written is not None:
+            say(f"wrote {written}")
+        if folder is not None and result.complete:
+            say(f"wrote {folder / CURVES}")
+        findings = singular_configurations(swept, result, geometry=tests)
+        told = True
+    except KeyboardInterrupt:  # what was swept is an answer without them
+        if result is None:
+            say_stopped(folder)
+            return STOPPED
+        note = "stopped before the dips were refined and generalised: there are no findings"
+        result = replace(result, notes=(*result.notes, note))
+    if json_target is None or not emit_json_data(
+        {**result.to_dict(), "findings": encode(findings)}, json_target
+    ):
+        emit(sweep_text(result, findings if told else None, Page.of(), deg))
+    if not (told and result.complete):
+        say_stopped(folder)
+        return STOPPED
+    met = any(f.status == "singular" and f.reachable is True for f in findings)
+    return int(fail_if_singular and met)
+
+
+@command("analyze")
+@loops_option(analyze_loops)
+@joints_option
+@arm_options
+@sweep_options(quiet=True)
+@algebra_options
+@geometry_options
+@click.option(
+    "--random-starts",
+    type=click.IntRange(min=0),
+    metavar="N",
+    help="Random starts refined as an independent check.  [default: 300]",
+)
+@deg_option
+@json_option
+@fail_option
+def analyze_command(
+    arm: Arm,
+    chosen: dict[str, Any],
+    algebra: dict[str, Any],
+    geometry: str,
+    random_starts: int | None,
+    deg: bool,
+    json_target: str | Path | None,
+    fail_if_singular: bool,
+) -> int:
+    """Find all singular configurations of ROBOT: closed forms and sweep, checking each other.
+
+    With --fail-if-singular, exits with 1 if any is within the joint limits.
+    """
+    from pinsing.sampling.analyze import analyze
+
+    if random_starts is not None:
+        chosen["random_starts"] = random_starts
+    with run_progress() as progress:
+        analysis = analyze(arm, geometry=geometry, progress=progress, **chosen, **algebra)
+    if not emit_json(analysis, json_target):
+        from pinsing.sampling.analyze import analysis_text
+
+        emit(analysis_text(analysis, Page.of(), deg, click.get_current_context().obj.words))
+    for problem in analysis.problems:
+        say(f"WARNING: {problem}")
+    if analysis.missing or not analysis.sweep_complete:
+        return STOPPED
+    return int(fail_if_singular and analysis.singular)
+
+
+@command("map")
+@loops_option(map_loops)
+@arm_options
+@click.option(
+    "--sampling",
+    default="sobol",
+    show_default=True,
+    metavar="NAME",
+    shell_complete=completion.choices("sobol", "random", "grid"),
+    help="sobol, random or grid.",
+)
+@click.option(
+    "--measure",
+    type=click.Choice(("sigma", "clearance")),
+    default="sigma",
+    show_default=True,
+    help="clearance: bounds of the distance to the nearest family too.",
+)
+@click.option("--count", metavar="N", help="Configurations, such as 1e8.  [default: 2**20]")
+@click.option("--steps", metavar="N|A=N,...", help="Values of each joint in a grid.")
+@click.option(
+    "--map-joints",
+    metavar="A,B,...",
+    shell_complete=completion.joints,
+    help="Joints to map.  [default: all that matter]",
+)
+@click.option(
+    "--range",
+    "ranges",
+    metavar="JOINT=LOW,HIGH",
+    multiple=True,
+    shell_complete=completion.joint_value,
+    help="Range of a joint instead of its limits; repeatable.",
+)
+@once_option("--q", "q", metavar="Q1,Q2,...", help="Where joints that are not mapped stay.")
+@click.option("--ignore-limits", is_flag=True, help="Ignore joint limits.")
+@click.option(
+    "--worst",
+    type=click.IntRange(min=1),
+    metavar="K",
+    help="How many of the smallest ratios to keep.",
+)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option("--keep-values", is_flag=True, help="Keep all singular values in -o FOLDER too.")
+@click.option("--chunk", metavar="N", help="Configurations in a chunk.")
+@place_options
+@deg_option
+@output_option(json_target=".json", out="/")
+@fail_option
+@over_option
+def map_command(
+    request: RobotRequest,
+    sampling: str,
+    measure: str,
+    count: str | None,
+    steps: str | None,
+    map_joints: str | None,
+    ranges: tuple[str, ...],
+    q: str | None,
+    ignore_limits: bool,
+    worst: int | None,
+    seed: int,
+    out: Path | None,
+    keep_values: bool,
+    chunk: str | None,
+    place: RunPlace,
+    deg: bool,
+    json_target: str | Path | None,
+    fail_if_singular: bool,
+) -> int:
+    """Compute how sigma_r of ROBOT is distributed over its joints, and where it is smallest.
+
+    Takes any number of configurations in bounded memory. With -o FOLDER each finished chunk is
+    kept, and the same command resumes a run that was stopped or killed, with the same result.
+    With --fail-if-singular, exits with 1 if a configuration is singular. With --loops: of a
+    mechanism, at inputs or poses of its output drawn at random (--count, --seed, --worst,
+    --ignore-limits).
+    """
+    # All that can be wrong without the robot is found before it is read.
+    chosen: dict[str, Any] = {"ignore_limits": ignore_limits, "seed": seed, "out": out}
+    chosen |= {"keep_values": keep_values, "measure": measure}
+    for name, text in (("count", count), ("chunk", chunk)):
+        if text is not None:
+            chosen[name] = whole_number(text, f"--{name}")
+    if worst is not None:
+        chosen["worst"] = worst
+    by_joint: int | dict[str, int] | None = None
+    if steps is not None:
+        by_joint = _steps(steps)
+    pairs = [_range(text, deg) for text in ranges]
+    if q is not None:
+        parse_numbers(q, "--q", deg)
+    OptionError.refuse_if(
+        keep_values and out is None, "--keep-values needs a folder to keep them in: give -o FOLDER"
+    )
+    arm = request.load()
+    if q is not None:
+        chosen["q"] = joint_vector(arm, q, "--q", deg)
+    if map_joints is not None:
+        chosen["joints"] = joint_names(arm, map_joints)
+    if isinstance(by_joint, dict):
+        by_joint = {joint_names(arm, name)[0]: count for name, count in by_joint.items()}
+    if by_joint is not None:
+        chosen["steps"] = by_joint
+    if pairs:
+        chosen["ranges"] = {}
+        for name, *ends in pairs:
+            joint = arm.joints[arm.space.index(name)]
+            turns = deg and not arm.prismatic[arm.joints.index(joint)]
+            chosen["ranges"][joint] = tuple(map(math.radians, ends) if turns else ends)
+    from pinsing.sampling import sigma_map
+    from pinsing.sampling.execute import ctrl_c_afterwards
+
+    result = None
+    try:
+        with place.options() as where, run_progress() as progress, ctrl_c_afterwards():
+            result = sigma_map(arm, sampling, **chosen, **where, progress=progress, tell=say)
+    except KeyboardInterrupt:  # what is complete is told, however late that came
+        if result is None:
+            say_stopped(out)
+            return STOPPED
+    if not emit_json(result, json_target):
+        emit(result.text(Page.of(), in_degrees(deg)))
+    if not result.complete:
+        say_stopped(out)
+        return STOPPED
+    return int(fail_if_singular and result.singular > 0)
+
+
+def _steps(text: str) -> int | dict[str, int]:
+    if "=" not in text:
+        return whole_number(text, "--steps")
+    found = {}
+    for part in text.split(","):
+        name, equals, number = part.partition("=")
+        OptionError.refuse_if(
+            not equals or not name.strip(), f"--steps {text!r} is not of the form 9 or A=9,B=5"
+        )
+        found[name.strip()] = whole_number(number, "--steps")
+    return found
+
+
+def _range(text: str, deg: bool) -> tuple[str, float, float]:
+    name, equals, values = text.rpartition("=")
+    OptionError.refuse_if(
+        not equals or not name.strip(), f"--range {text!r} is not of the form JOINT=LOW,HIGH"
+    )
+    numbers = parse_numbers(values, "--range", deg)
+    OptionError.refuse_if(len(numbers) != 2, f"--range {text!r} needs two values: JOINT=LOW,HIGH")
+    return name.strip(), numbers[0], numbers[1]
 
 
 @command("families")

@@ -307,8 +307,7 @@ def view_loops(
     **options: Any,
 ) -> None:
     """Open or write a page in which inputs are dragged, or a picture (``panel``: of the page)."""
-    from pinsing.cli.output import picture_size, served_ahead, stay, write_files
-    from pinsing.cli.running import waiting
+    from pinsing.cli.output import picture_size, served_ahead, stay, waiting, write_files
 
     picture = picture_size(size)
     OptionError.refuse_if(

@@ -17,8 +17,8 @@ from click.core import ParameterSource
 
 from pinsing.atomic_write import check_writable
 from pinsing.cli import completion
-from pinsing.cli.output import STDOUT, in_radians, say
-from pinsing.errors import ConfigurationError, OptionError, OutputError, PinsingError
+from pinsing.cli.output import STDOUT, in_radians, read_json, say
+from pinsing.errors import ConfigurationError, OptionError, OutputError, PinsingError, ResultError
 
 
 def _loop_file(robot: str) -> Path:
@@ -64,6 +64,7 @@ def _beside(file: Path) -> Path:
 
 if TYPE_CHECKING:
     from pinsing.measures import Array
+    from pinsing.proximity.zones import Zones
     from pinsing.robot.arm import Arm
 
     ParamType = click.ParamType[Any]
@@ -438,6 +439,27 @@ def typed_speeds(arm: Arm, text: str | None, turn_speed: float, deg: bool) -> Ar
         typed = ",".join(f"{x:.4g}" for x in np.where(arm.prismatic, speeds, other(speeds)))
         raise OptionError(f"--joint-speeds are in {units[0]}: for {units[1]} type {typed}")
     return np.where(arm.prismatic, speeds, np.radians(speeds)) if deg and turning.size else speeds
+
+
+def _read_zones(ctx: click.Context, param: click.Parameter, file: Path | None) -> Zones | None:
+    if file is None:
+        return None
+    from pinsing.proximity.zones import Zones
+
+    try:
+        return Zones.from_dict(read_json(file))
+    except ResultError as error:
+        raise ResultError(f"{file}: {error}") from None
+
+
+zones_option = click.option(
+    "--zones",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE.json",
+    callback=_read_zones,
+    help="With the zones that `pinsing zones ROBOT -o FILE.json` wrote.",
+)
+"""Adds ``--zones``; the command gets the `Zones` of the file, or None."""
 
 
 def follow_option(what: str) -> Callable[[F], F]:

@@ -19,8 +19,7 @@ from pinsing.cli.options import (
     json_option,
     output_option,
 )
-from pinsing.cli.output import STDOUT, emit, emit_json, emit_json_data, put
-from pinsing.cli.running import doing
+from pinsing.cli.output import STDOUT, doing, emit, emit_json, emit_json_data, put
 from pinsing.errors import ChainError, OptionError, shown_path
 from pinsing.prose import Page, Table
 

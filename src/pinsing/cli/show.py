@@ -1,0 +1,735 @@
+"""``pinsing plot``, ``view`` and ``report``: figures, a page in a browser, one file to read."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import shlex
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import click
+
+from pinsing.cli import completion
+from pinsing.cli.families import algebra_options, prove_option
+from pinsing.cli.mechanism import loops_option, read, tell_of_limits, typed_inputs, view_loops
+from pinsing.cli.motion import file_options, read_samples, with_aspects
+from pinsing.cli.options import (
+    RobotRequest,
+    arm_options,
+    command,
+    deg_option,
+    follow_option,
+    in_degrees,
+    joint_names,
+    joint_vector,
+    output_option,
+    parse_numbers,
+    told_degrees,
+    zones_option,
+)
+from pinsing.cli.output import (
+    emit,
+    emit_lines,
+    followed,
+    off_screen,
+    picture_size,
+    read_json,
+    save_figure,
+    say,
+    served_ahead,
+    stay,
+    waiting,
+    write_files,
+)
+from pinsing.errors import ConfigurationError, OptionError, ResultError
+from pinsing.prose import Page
+
+if TYPE_CHECKING:
+    from pinsing.families import ClosedForm, Family
+    from pinsing.families.solve import Prove
+    from pinsing.measures import Array
+    from pinsing.proximity.zones import Zones
+    from pinsing.robot.arm import Arm
+    from pinsing.robot.mechanism import Mechanism
+    from pinsing.sampling.analyze import Analysis
+    from pinsing.sampling.generalize import Finding
+    from pinsing.view.viewer import Viewer
+
+_LOOP_PLOTS = ("map", "curves", "ellipsoids", "modes")
+_ARM_PLOTS: dict[str, Any] = {
+    "fixed": (), "families": (), "each": None, "motions": None, "measure": "sigma",
+}  # fmt: skip
+_PLOT_OPTIONS = {"families": "family"}
+
+
+def plot_loops(
+    loops: Path,
+    kind: str,
+    out: Path,
+    configurations: Sequence[str] = (),
+    dpi: int = 200,
+    deg: bool = False,
+    over: str | None = None,
+    ignore_limits: bool = False,
+    **options: Any,
+) -> None:
+    """Draw ``plot --loops``: maps over the pose or the inputs, measures, the linkage, its modes.
+
+    ``map --over x,y`` is a slice through the loci and aspects over two coordinates of the output's
+    pose, for each working mode; the others are as at home, or as at ``--q``. Without ``--over``
+    ``map`` shows both assembly modes of a 5R over its inputs, all poses of a mechanism of one
+    freedom, else the first two coordinates. ``curves`` shows each input in turn, ``ellipsoids`` the
+    linkage with its velocity ellipse in every assembly mode, ``modes`` all modes side by side.
+    """
+    OptionError.refuse_if(
+        kind not in _LOOP_PLOTS,
+        f"there is no {kind} plot of mechanisms: use {', '.join(_LOOP_PLOTS[:-1])} or "
+        f"{_LOOP_PLOTS[-1]}",
+    )
+    OptionError.refuse_if(
+        over is not None and kind != "map", "--over goes with plot map --loops: --over x,y"
+    )
+    given = [name for name, usual in _ARM_PLOTS.items() if options.get(name, usual) != usual]
+    if given:
+        raise OptionError(
+            f"{'--' + _PLOT_OPTIONS.get(given[0], given[0])} does not go with plot --loops"
+        )
+    mechanism = read(loops, options)
+    if ignore_limits:
+        mechanism = mechanism.without_limits()
+    tell_of_limits(mechanism)
+    inputs = typed_inputs(mechanism, configurations, deg)
+    off_screen()
+    names = None if over is None else [name.strip() for name in over.split(",")]
+    figure = _figure(mechanism, kind, inputs, bool(configurations), names, in_degrees(deg))
+    save_figure(figure, out, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
+
+
+def _figure(
+    mechanism: Mechanism,
+    kind: str,
+    inputs: Array,
+    asked: bool,
+    names: list[str] | None,
+    degrees: bool,
+) -> Any:
+    import matplotlib.pyplot as plt
+
+    from pinsing.loops import assemblies, curves, find_singular, ranks
+    from pinsing.loops.loop_forms import planar_dyad
+    from pinsing.plot import mechanism as draw
+
+    if kind == "modes":
+        return draw.mode_sheet(mechanism, inputs if asked else None, degrees)
+    if kind == "map":
+        one_freedom = ranks(mechanism).mobility == 1
+        if not one_freedom and (names is not None or planar_dyad(mechanism) is None):
+            start = assemblies(mechanism, inputs)[0].q if asked else None
+            return draw.pose_maps(mechanism, names, degrees, start)
+        why = "all poses are on one curve" if one_freedom else "this map is over all inputs"
+        OptionError.refuse_if(asked, f"--q does not go with this map: {why}")
+        if one_freedom:
+            return draw.motion_curve(mechanism, names, degrees).figure
+        figure, axes = plt.subplots(1, 2, figsize=(11, 6.2))
+        for ax, sign in zip(axes, "+-", strict=True):
+            draw.input_map(mechanism, sign, ax, degrees=degrees)
+            draw.map_legend(ax, mechanism)
+    elif kind == "curves":
+        count = len(mechanism.inputs)
+        figure, grid = plt.subplots(1, count, figsize=(5.2 * count, 4), squeeze=False)
+        for k, ax in enumerate(grid[0]):
+            found = curves(mechanism, inputs, k)
+            draw.measure_curves(mechanism, found, find_singular(mechanism, found), ax, degrees)
+    else:
+        modes = assemblies(mechanism, inputs)
+        figure, grid = plt.subplots(1, len(modes), figsize=(4.8 * len(modes), 4.8), squeeze=False)
+        for ax, mode in zip(grid[0], modes, strict=True):
+            draw.draw_linkage(mechanism, mode.q, ax)
+            ax.set_title(mode.mode)
+    figure.tight_layout()
+    return figure
+
+
+KINDS = (
+    "curves", "map", "locus", "ellipsoids", "along", "workspace", "aspects", "solutions", "modes",
+)  # fmt: skip
+_STEPS = 400
+
+
+@command("plot")
+@click.argument("kind", type=click.Choice(KINDS), metavar="WHAT")
+@loops_option(plot_loops)
+@arm_options
+@output_option(required=True, out=".png .svg .pdf")
+@click.option(
+    "--q",
+    "configurations",
+    multiple=True,
+    metavar="Q1,Q2,...",
+    help="Configuration: of the ellipsoids; where joints stay that a map or curves do not move; "
+    "for along, the waypoints, at least two.",
+)
+@click.option(
+    "--over",
+    metavar="A,B",
+    shell_complete=completion.joints,
+    help="map, locus, aspects: the two joints, by name or q1, q2, ... curves: those that move. "
+    "With --loops: map over two of x, y, z, roll, pitch, yaw of the output.",
+)
+@click.option(
+    "--fixed",
+    multiple=True,
+    metavar="JOINT=VALUE",
+    shell_complete=completion.joint_value,
+    help="curves: joint held at a special value; repeatable.",
+)
+@click.option(
+    "--family",
+    "families",
+    multiple=True,
+    metavar="NAME",
+    help="locus: which family, such as F1 or wrist. map: those shown; repeatable.  [default: all]",
+)
+@click.option(
+    "--each",
+    metavar="JOINT=V1,V2,...",
+    shell_complete=completion.joint_value,
+    help="locus: values of a third joint, a curve for each.",
+)
+@click.option(
+    "--ignore-limits",
+    is_flag=True,
+    help="curves, map, locus, aspects, solutions: ignore joint limits.",
+)
+@click.option(
+    "--motions",
+    type=click.Choice(("pure", "all")),
+    help="ellipsoids: of pure motions (tool held, or tip held), or of all, as in the paper.  "
+    "[default: pure for a pose]",
+)
+@click.option(
+    "--measure",
+    type=click.Choice(("sigma", "clearance")),
+    default="sigma",
+    show_default=True,
+    help="map, workspace: what is shown.",
+)
+@click.option("--dpi", type=click.IntRange(30, 1200), default=200, show_default=True)
+@deg_option
+def plot_command(
+    request: RobotRequest,
+    kind: str,
+    out: Path,
+    configurations: tuple[str, ...],
+    over: str | None,
+    fixed: tuple[str, ...],
+    families: tuple[str, ...],
+    each: str | None,
+    ignore_limits: bool,
+    motions: Any,
+    measure: Any,
+    dpi: int,
+    deg: bool,
+) -> None:
+    """Draw a figure of ROBOT.
+
+    \b
+    curves      sigma_min along each joint, from a nominal configuration
+    map         sigma_min (or clearance) over two joints, with the closed-form loci on top
+    locus       a family as a curve over two joints, or several: one for each third value
+    ellipsoids  velocity ellipsoids at a configuration
+    along       singular values on straight joint motions between configurations, families marked
+    workspace   the best sigma_min (or clearance) found at each place of the tip, in slices
+    aspects     the aspects in colours over two joints
+    solutions   of a 3-joint position arm: how many inverse solutions each place has
+    modes       with --loops: the assembly and working modes side by side
+
+    With --loops: map (over two coordinates of the output's pose, its aspects coloured by mode),
+    curves, ellipsoids, modes.
+
+    Example: pinsing plot map puma560 --over q2,q3 -o map.pdf
+    """  # noqa: D301
+    for text in configurations:
+        parse_numbers(text, "--q", deg)
+    given = None if over is None else [name for name in over.split(",") if name.strip()]
+    if kind in ("map", "aspects") and (given is None or len(given) != 2):
+        what = "a map needs its" if kind == "map" else "aspects need their"
+        raise OptionError(f"{what} two joints, such as --over q2,q3")
+    OptionError.refuse_if(
+        families and kind not in ("map", "locus"), f"--family is for map and locus, not for {kind}"
+    )
+    OptionError.refuse_if(
+        kind == "modes", "modes are those of a mechanism: give its loops with --loops FILE.yaml"
+    )
+    OptionError.refuse_if(
+        each is not None and kind != "locus", f"--each is for locus, not for {kind}"
+    )
+    OptionError.refuse_if(
+        kind == "locus" and (len(families) != 1 or (given is not None and len(given) != 2)),
+        "a locus needs one family, such as --family F1, and two joints if any",
+    )
+    OptionError.refuse_if(
+        kind == "along" and len(configurations) < 2,
+        "along needs two configurations or more: give --q twice",
+    )
+    OptionError.refuse_if(kind != "along" and len(configurations) > 1, f"{kind} takes one --q")
+    arm = request.load()
+    joints = None if over is None else list(joint_names(arm, over))
+    off_screen()
+    vectors = [joint_vector(arm, text, "--q", deg) for text in configurations]
+    q = vectors[0] if vectors else None
+    held = dict(_fixed(arm, text, deg) for text in fixed)
+    shown = _families(arm, families) if families else None
+    degrees = in_degrees(deg)
+    plane: dict[str, Any] = {"q": q, "ignore_limits": ignore_limits, "degrees": degrees}
+    from pinsing import plot
+
+    if kind == "map":
+        axes = plot.sigma_plane(arm, *(joints or ()), families=shown, measure=measure, **plane)
+    elif kind == "aspects":
+        axes = plot.aspect_plane(arm, *(joints or ()), **plane)
+    elif kind == "locus":
+        third, values = (None, None) if each is None else _joint_values(arm, each, "--each", deg)
+        family = _only(shown or [], families[0])
+        axes = plot.locus(arm, family, *(joints or ()), third=third, values=values, **plane)
+    elif kind == "solutions":
+        axes = plot.inverse_count(arm, limits=not ignore_limits)
+    elif kind == "workspace":
+        axes = plot.workspace(arm, measure=measure)
+    elif kind == "along":
+        from pinsing.families.solve import form_to_measure
+
+        axes = plot.sigma_along(arm, _way(vectors), forms=form_to_measure(arm), degrees=degrees)
+    elif kind == "ellipsoids":
+        from pinsing.kinematics.at import at
+        from pinsing.plot.plane import regular_configuration
+
+        state = at(arm, regular_configuration(arm) if q is None else q)
+        axes = plot.ellipsoids(state, motions=motions, arm=arm)
+    else:
+        from pinsing.sampling.sweeps import sweep
+
+        chosen: dict[str, Any] = {"levels": (max(len(held), 1),), "ignore_limits": ignore_limits}
+        if held:
+            special = {name: (x,) for name, x in held.items()}
+            chosen |= {"special": special, "joints": tuple(arm.joints)}
+        result = sweep(arm, nominal=q, prune=False, **chosen)
+        axes = plot.sigma_curves(result, fixed=held, moving=joints, degrees=degrees, arm=arm)
+    figure: Any = axes.figure
+    save_figure(figure, out, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
+
+
+def _way(stations: list[Array]) -> Array:
+    """Straight joint motions from each configuration to the next, (N, n)."""
+    import numpy as np
+
+    part = np.linspace(0, len(stations) - 1, _STEPS)
+    columns = np.transpose(stations)
+    return np.stack([np.interp(part, np.arange(len(stations)), x) for x in columns], axis=1)
+
+
+def _families(arm: Arm, names: tuple[str, ...]) -> list[Family]:
+    """The families of these names or titles."""
+    from pinsing.families import closed_form
+    from pinsing.proximity.clearance import watch
+
+    return list(watch(closed_form(arm, prove=False), names).families)
+
+
+def _only(found: list[Family], name: str) -> Family:
+    """The one family of a name or title."""
+    names = " or ".join(family.name for family in found)
+    OptionError.refuse_if(len(found) > 1, f"several families are called {name!r}: choose {names}")
+    return found[0]
+
+
+def _fixed(arm: Arm, text: str, deg: bool) -> tuple[str, float]:
+    name, values = _joint_values(arm, text, "--fixed", deg)
+    OptionError.refuse_if(len(values) != 1, f"--fixed {text!r} needs one value")
+    return name, values[0]
+
+
+def _joint_values(arm: Arm, text: str, option: str, deg: bool) -> tuple[str, list[float]]:
+    """``JOINT=V1,V2`` as a name and radians or metres."""
+    import math
+
+    name, equals, numbers = text.partition("=")
+    OptionError.refuse_if(not equals, f"{option} {text!r} is not of the form JOINT=VALUE")
+    (name,) = joint_names(arm, name) or ("",)
+    values = parse_numbers(numbers, option, deg)
+    turns = deg and not arm.prismatic[arm.joints.index(name)]
+    return name, [math.radians(v) if turns else float(v) for v in values]
+
+
+PAGES = ("inside", "beside", "none")
+
+
+def _report_loops(
+    loops: Path,
+    html: Path | None = None,
+    pdf: Path | None = None,
+    page: str = "inside",
+    skeleton: bool = False,
+    poses: tuple[str, ...] = (),
+    deg: bool = False,
+    prove: Prove = "auto",
+    **options: Any,
+) -> None:
+    """``report --loops``: of a mechanism."""
+    _check_pdf(pdf)
+    OptionError.refuse_if(
+        prove != "auto", "--prove does not go with --loops: there are certificates of arms only"
+    )
+    for name in ("trajectory", "zones", "units", "columns"):
+        OptionError.refuse_if(
+            options[name] is not None,
+            f"--{name} is for arms: leave it out, or take one with --no-loops",
+        )
+    mechanism = read(loops, options)
+    given = {
+        f"given configuration {k}": typed_inputs(mechanism, [text], deg)
+        for k, text in enumerate(poses, 1)
+    }
+    _write(mechanism, html, pdf, page, skeleton, given, None)
+
+
+@command("report")
+@loops_option(_report_loops)
+@arm_options
+@output_option(required=True, html=".html .htm", pdf=".pdf")
+@click.option(
+    "--page",
+    type=click.Choice(PAGES),
+    default=PAGES[0],
+    show_default=True,
+    help="Where the interactive model goes: inside the report, into FILE-model.html, nowhere.",
+)
+@click.option("--skeleton", is_flag=True, help="The model without meshes: under 3 MB.")
+@click.option(
+    "--q",
+    "poses",
+    multiple=True,
+    metavar="Q1,Q2,...",
+    shell_complete=completion.files,
+    help="Judge this configuration too; repeatable.",
+)
+@click.option(
+    "--trajectory",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Judge this trajectory too: what `pinsing check` reads.",
+)
+@file_options
+@zones_option
+@prove_option
+@algebra_options
+@deg_option
+def report_command(
+    request: RobotRequest,
+    html: Path | None,
+    pdf: Path | None,
+    page: str,
+    skeleton: bool,
+    poses: tuple[str, ...],
+    trajectory: Path | None,
+    units: str | None,
+    columns: str | None,
+    zones: Any,
+    prove: Prove,
+    algebra: dict[str, Any],
+    deg: bool,
+) -> None:
+    """Write a report of ROBOT's singular configurations: one HTML file to send on.
+
+    It holds a page for whoever decides, what a trajectory meets (--trajectory), maps, each family
+    with its equation, in words and in a picture, verdicts at zero, mid-range and named
+    configurations, how sure it is that nothing is missing with the certificate, the joints, what
+    was assumed, the interactive model, and all of it as JSON. It needs no network. -o FILE.pdf
+    prints it, by Chromium.
+
+    Example: pinsing report ur5 -o report.html --skeleton
+    """
+    _check_pdf(pdf)
+    for text in poses:
+        parse_numbers(text, "--q", deg)
+    arm = request.load()
+    given = {
+        f"given configuration {k}": joint_vector(arm, text, "--q", deg)
+        for k, text in enumerate(poses, 1)
+    }
+    from pinsing.families import closed_form
+    from pinsing.proximity.trajectory import check_trajectory
+    from pinsing.report.info import Trajectory
+
+    OptionError.refuse_if(
+        trajectory is None and (units or columns), "--units and --columns are of --trajectory FILE"
+    )
+    way = None if trajectory is None else read_samples(trajectory, arm, deg, units, columns)
+    forms = closed_form(arm, **algebra, prove=prove)
+    judged = None
+    if way is not None and trajectory is not None:
+        check = check_trajectory(arm, way.Q, way.t, forms=forms)
+        check = with_aspects(check, arm, forms, way.Q, way.t)
+        judged = Trajectory(check, way.Q, way.t, trajectory.name, request.words, way.notes)
+    _write(arm, html, pdf, page, skeleton, given, forms, judged, zones)
+    from pinsing.families.form import answer_text
+
+    file = "path.csv"
+    if judged is not None:
+        emit_lines("\n".join([*judged.answer, ""]))
+        typed = {None: [], True: ["--deg"], False: ["--rad"]}[told_degrees(deg)]
+        typed += [f"--units={units}"] * bool(units) + [f"--columns={columns}"] * bool(columns)
+        file = shlex.join([str(trajectory), *typed])
+    emit(answer_text(forms, Page.of(), request.words, file))
+
+
+def _check_pdf(pdf: Path | None) -> None:
+    if pdf is not None:
+        from pinsing.view.picture import check_browser
+
+        check_browser(pdf)
+
+
+def _write(
+    robot: Any,
+    html: Path | None,
+    pdf: Path | None,
+    page: str,
+    skeleton: bool,
+    poses: dict[str, Array],
+    forms: Any,
+    trajectory: Any = None,
+    zones: Any = None,
+) -> None:
+    from pinsing.report.arm_report import write_report
+
+    off_screen()
+    where = "none" if html is None else page  # nothing is interactive on paper
+    say("computing families, pictures and the model" if where != "none" else "computing")
+    write_report(
+        robot,
+        html,
+        forms=forms,
+        poses=poses,
+        trajectory=trajectory,
+        zones=zones,
+        page=where,  # type: ignore[arg-type]
+        skeleton=skeleton,
+        pdf=pdf,
+    )
+    if where == "beside" and html is not None:
+        say(f"wrote {html.with_name(f'{html.stem}-model.html')}")
+    for written in (html, pdf):
+        if written is not None:
+            say(f"wrote {written}")
+
+
+_PICTURE = 0.05
+"""Seconds from a configuration of a stream that is shown to the next."""
+
+
+@command("view")
+@loops_option(view_loops)
+@arm_options
+@click.option(
+    "--q",
+    "poses",
+    multiple=True,
+    metavar="Q1,Q2,...",
+    help="Show this configuration, first in the list; repeatable.",
+)
+@click.option(
+    "--analysis",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE.json",
+    help="Take the families from the JSON of `pinsing analyze` or `families`.",
+)
+@click.option(
+    "--family",
+    metavar="NAME",
+    shell_complete=completion.families,
+    help="Show this family first, such as F2.",
+)
+@zones_option
+@follow_option("Show the configurations of STREAM as they come")
+@click.option("--scale", type=float, default=1.0, show_default=True, help="Size of the ellipsoids.")
+@click.option("--skeleton", is_flag=True, help="Without meshes: small pages.")
+@click.option(
+    "--size", default="1200x900", show_default=True, metavar="WxH", help="Of the picture."
+)
+@click.option("--panel", is_flag=True, help="Include the side panel in the picture.")
+@click.option("--no-open", is_flag=True, help="Do not open a browser.")
+@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
+@click.option("--port", type=click.IntRange(0, 65535), help="[default: first free from 7000 on]")
+@deg_option
+@output_option(html=".html", png=".png")
+def view_command(
+    request: RobotRequest,
+    poses: tuple[str, ...],
+    analysis: Path | None,
+    family: str | None,
+    zones: Zones | None,
+    follow: Path | None,
+    scale: float,
+    skeleton: bool,
+    html: Path | None,
+    png: Path | None,
+    size: str,
+    panel: bool,
+    no_open: bool,
+    host: str,
+    port: int | None,
+    deg: bool,
+) -> None:
+    """Show ROBOT at its singular configurations: poses, ellipsoids, lost motion.
+
+    Opens a browser tab and serves it until Ctrl-C. With -o, writes a page that needs no server,
+    or a picture (by Chromium), and ends. What is served can be reached from this computer only,
+    unless --host says otherwise.
+
+    With --loops the tab drives a mechanism: sliders for the actuated joints, the others follow;
+    a menu of its modes; singular poses of type 1, 2 and 3. --q then gives the actuated joints.
+
+    Example: pinsing view ur5 --q 0,-90,90,0,0,0 --deg
+    """
+    for text in poses:
+        parse_numbers(text, "--q", deg)
+    picture = picture_size(size)
+    OptionError.refuse_if(
+        follow is not None and (html or png), "--follow needs a page that is served: leave out -o"
+    )
+    arm = request.load()
+    vectors = [joint_vector(arm, text, "--q", deg) for text in poses]
+    saved = None if analysis is None else _read(analysis, arm)
+    live = html is None and png is None
+    # What is typed and can still be refused is judged before a browser opens.
+    late = family is not None or zones is not None or not 0 < scale < math.inf
+    with contextlib.ExitStack() as stack:
+        page = served_ahead(arm.name, host, port, no_open)
+        server = stack.enter_context(page) if live and not late else None
+        # Half a second of imports, which the browser does not wait for.
+        from pinsing.view.links import read_links_ahead
+
+        if not skeleton:
+            read_links_ahead(arm)  # a child process reads them meanwhile
+        from pinsing.families.form import coverage_words
+        from pinsing.view.viewer import Viewer
+
+        with waiting() as at:
+            families, findings, form = _find(arm, at) if saved is None else saved
+            at("preparing the page")
+            viewer = stack.enter_context(
+                Viewer(
+                    arm,
+                    families,
+                    vectors,
+                    findings,
+                    coverage=coverage_words(form),
+                    zones=zones or form.tube,
+                    scale=scale,
+                    skeleton=skeleton,
+                    host=host,
+                    port=port,
+                )
+            )
+            at("")
+            for note in viewer.notes:
+                say(f"note: {note}")
+            if family is not None:
+                viewer.show_family(family)
+            write_files(viewer, html, png, picture, panel, at)
+        if live:
+            lead = None if follow is None else partial(_lead, viewer, follow, told_degrees(deg))
+            stay(viewer, stack.enter_context(page) if server is None else server, lead)
+
+
+def _lead(viewer: Viewer, file: Path, degrees: bool | None) -> None:
+    """Show what comes, the newest of it; say what cannot be read, silences and the end."""
+    # A file with times is played at them, one without picture by picture.
+    from pinsing.proximity.monitor import STALLED, Reader, latest
+
+    reader, skipped, problem, q = Reader(viewer.arm, degrees, say), 0, "", viewer.q
+    # The clock where the file's is 0, and the file's time of the last picture.
+    start, shown = 0.0, math.inf
+    with followed(file) as (lines, live):
+        for line, dropped in latest(lines, backlog=1) if live else ((x, 0) for x in lines):
+            skipped += dropped
+            if line is None:
+                silence = f"no line for {STALLED:g} s"
+                viewer.show(viewer.q, f"{silence}; {problem}" if problem else silence)
+                continue
+            try:
+                if (found := reader.read(line)) is not None:
+                    q, due = found[1], None if live else found[0]
+                    if due is not None:
+                        if shown <= due < shown + _PICTURE / 2:
+                            skipped += 1
+                            continue
+                        if not shown <= due < shown + 60:  # the first, begun anew, or a long gap
+                            start = time.monotonic() - due
+                        time.sleep(max(0.0, start + due - time.monotonic()))
+                        shown = due
+                    problem = ""
+                    word = "live" if live else "played"
+                    viewer.show(q, word + f"; {skipped} lines skipped" * bool(skipped))
+                    time.sleep(_PICTURE if due is None else 0.0)
+            except ConfigurationError as error:
+                if str(error) != problem:
+                    say(f"warning: {error}")
+                    viewer.show(viewer.q, problem := str(error))
+                    time.sleep(_PICTURE)
+    viewer.show(q, f"the stream has ended; {skipped} lines came faster than pictures")
+    say(f"the stream has ended; {skipped} lines came faster than pictures, and were skipped")
+
+
+_Listed: TypeAlias = "tuple[tuple[Family, ...], tuple[Finding, ...], ClosedForm]"
+"""Families, findings, and the closed form, which says how sure it is that these are all."""
+
+
+def _find(arm: Arm, at: Callable[[str], None]) -> _Listed:
+    """Families by algebra; where that has gaps, what a sweep finds as well."""
+    from pinsing.families import closed_form
+
+    at("finding the singular families")
+    found = closed_form(arm)
+    at("")
+    if found.complete:
+        return found.families, (), found
+    for gap in found.gaps:
+        say(f"note: the closed forms have a gap, so a sweep runs too: {gap}")
+    from pinsing.sampling.analyze import analyze
+
+    at("sweeping")
+    return *_parts(analyze(arm)), found
+
+
+def _read(path: Path, arm: Arm) -> _Listed:
+    """Families and findings of a saved analysis, or of a saved closed form, of the same arm."""
+    from pinsing.families import ClosedForm
+    from pinsing.sampling.analyze import Analysis
+
+    data = read_json(path)
+    schema = data.get("schema") if isinstance(data, dict) else None
+    saved: Analysis | ClosedForm
+    try:
+        saved = (ClosedForm if schema == ClosedForm.schema else Analysis).from_dict(data)
+    except ResultError as error:
+        raise ResultError(f"{path}: {error}") from None
+    ResultError.refuse_if(
+        saved.arm.joints != arm.joints,
+        f"{path} is of {saved.arm.name} with joints {', '.join(saved.arm.joints)}, "
+        f"not of this arm with {', '.join(arm.joints)}",
+    )
+    if isinstance(saved, ClosedForm):
+        return saved.families, (), saved
+    return *_parts(saved), saved.closed_form
+
+
+def _parts(analysis: Analysis) -> tuple[tuple[Family, ...], tuple[Finding, ...]]:
+    """Families, and the findings that lie on none of them."""
+    pairs = zip(analysis.findings, analysis.family_of, strict=True)
+    return analysis.families, tuple(finding for finding, family in pairs if not family)
