@@ -78,6 +78,19 @@ def test_bounds_against_points_of_each_family(name: str, count: int) -> None:
                         assert quick.upper[0] >= found.lower - 1e-12
 
 
+@needs_kernel
+def test_where_boxes_end_all_families_have_been_looked_at() -> None:
+    """The bound is that of the nearest box left, and never less than the one in closed form."""
+    form = closed("panda")
+    Q = np.random.default_rng(1).uniform(-3, 3, (60, 7))
+    whole = pinsing.clearance(form, Q, certify=True).lower
+    for boxes, share in ((100, 0.46), (1000, 0.8)):
+        found = pinsing.clearance(form, Q, certify=True, boxes=boxes)
+        assert (found.lower >= np.minimum(pinsing.clearance(form, Q).lower, whole)).all()
+        assert (found.lower >= share * whole).all()
+        assert (found.lower <= whole * (1 + 1e-6)).all()
+
+
 @pytest.mark.parametrize("compiled", [True, False])
 def test_limits_of_several_turns_and_none(compiled: bool) -> None:
     """Copies of a value within +-2 pi, and joints that turn endlessly."""

@@ -1,12 +1,14 @@
 // The nearest point of a set of conditions, with a proof: best-first branch and bound.
 //
-// The box with the least bound is looked at first: from where its nearest zero may be, Newton's method
-// goes to a point of the set, which is the nearest one known if that is nearer; then it is halved.
-// Bounds and points differ by the square of a box, so that few boxes are left around the nearest
-// point, at joint limits as well.
+// Boxes of all branches wait in one heap, so that where their number ends the bound is that of the
+// nearest one left. The box with the least bound is looked at first: from where its nearest zero may
+// be, Newton's method goes to a point of the set, which is the nearest one known if that is nearer;
+// then it is halved. Bounds and points differ by the square of a box, so that few boxes are left
+// around the nearest point, at joint limits as well.
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <memory>
 #include <queue>
 #include <utility>
 #include <vector>
@@ -27,44 +29,69 @@ public:
     }
 
     Nearest run(const double* x, double* point) {
-        struct Candidate {
-            double fixed;
-            int branch;
-        };
-        std::vector<Candidate> order;
+        best_ = {kInfinity, kInfinity, -1, 0};
+        point_ = point;
         std::vector<double> target(static_cast<std::size_t>(c_.n));
+        std::vector<std::unique_ptr<Part>> parts;
         for (int b = 0; b < c_.branches; b++) {
             const double fixed = put(b, x, target.data());
-            if (fixed < kInfinity) order.push_back({fixed, b});
-        }
-        std::sort(order.begin(), order.end(),
-                  [](const Candidate& a, const Candidate& b) { return a.fixed < b.fixed; });
-        Nearest best{kInfinity, kInfinity, -1, 0};
-        for (const Candidate& candidate : order) {
-            const int b = candidate.branch;
-            if (candidate.fixed >= best.upper) {
-                best.lower = std::min(best.lower, std::max(candidate.fixed - slack_, 0.0));
+            if (fixed == kInfinity) continue;
+            if (c_.equation_start[b + 1] > c_.equation_start[b]) {
+                parts.push_back(std::make_unique<Part>(c_, b, fixed, slack_, target));
                 continue;
             }
-            put(b, x, target.data());
-            if (c_.equation_start[b + 1] == c_.equation_start[b]) {
-                best.upper = candidate.fixed;
-                best.family = c_.family[b];
-                std::copy(target.begin(), target.end(), point);
-                best.lower = std::min(best.lower, std::max(candidate.fixed - slack_, 0.0));
-                continue;
-            }
-            within(b, x, candidate.fixed, target.data(), point, best);
+            best_.lower = std::min(best_.lower, std::max(fixed - slack_, 0.0));
+            if (fixed < best_.upper) found(b, fixed, target.data());
         }
-        best.lower = std::min(best.lower, best.upper);
-        return best;
+        std::sort(parts.begin(), parts.end(),
+                  [](const auto& a, const auto& b) { return a->fixed < b->fixed; });
+        for (auto& part : parts) begin(*part, x);
+        for (auto& part : parts) add_first(*part);
+        while (!heap_.empty() && heap_.top().first < goal() && best_.boxes < o_.boxes) {
+            const std::size_t place = heap_.top().second;
+            heap_.pop();
+            const Waiting parent = boxes_[place];
+            places_.push_back(place);
+            split(*parent.part, parent);
+        }
+        if (!heap_.empty()) best_.lower = std::min(best_.lower, heap_.top().first);
+        boxes_.clear(), places_.clear(), heap_ = {};
+        best_.lower = std::min(best_.lower, best_.upper);
+        return best_;
     }
 
 private:
+    // A branch with equations, its joints and the range in which they are looked at.
+    struct Part {
+        Part(const Conditions& c, int b, double fixed, double slack, const std::vector<double>& target)
+            : b(b), fixed(fixed), least(std::max(fixed - slack, 0.0)), target(target), branch(c, b),
+              bound(branch, c.largest) {}
+
+        const int b;
+        const double fixed, least;  // how far its values are, and are at least
+        const std::vector<double> target;
+        Branch branch;
+        BoxBound bound;
+        double q[kJoints], lo[kJoints], hi[kJoints];
+        double known = kInfinity;  // how far the best point known is, in these joints
+        bool cut = false;          // whether points count that lie beyond the range
+        std::int64_t turns = 0;
+    };
+    struct Waiting : Box {
+        Part* part;
+    };
+    using Entry = std::pair<double, std::size_t>;
+
     const Conditions& c_;
     const SearchOptions& o_;
     std::vector<bool> involved_;  // joints of each branch that occur in equations
     double slack_ = 0.0;
+    Nearest best_{};
+    double* point_ = nullptr;
+    // Boxes wait in a heap by their bounds; those that were taken out leave their place.
+    std::vector<Waiting> boxes_;
+    std::vector<std::size_t> places_;
+    std::priority_queue<Entry, std::vector<Entry>, std::greater<Entry>> heap_;
 
     // x with the joints of a branch at their values, the nearest copies, and those that do not
     // matter within their limits; how far that is.
@@ -114,134 +141,132 @@ private:
         }
     }
 
-    void within(int b, const double* x, double fixed, const double* target, double* point,
-                Nearest& best) {
-        Branch branch(c_, b);
-        BoxBound bound(branch, c_.largest);
-        const int d = branch.d();
-        const bool largest = c_.largest;
-        double q[kJoints], lo[kJoints], hi[kJoints], start[kJoints];
-        const bool cut = ranges(b, branch, x, q, lo, hi);
-        double part = part_of(best.upper, fixed, largest);  // best so far, in these joints
-        // A bound from which on nothing more is to be known.
-        auto goal = [&]() {
-            if (best.upper == kInfinity) return kInfinity;
-            const double whole = best.upper - 0.5 * o_.gap;
-            return whole <= fixed ? -1.0 : part_of(whole, fixed, largest);
-        };
-        auto keep = [&](const double* found, double length) {
-            const double proven = length + missing(branch, found, length);
-            if (!(proven < part)) return false;
-            part = proven;
-            best.upper = joined(fixed, part, largest) * (1.0 + 1e-15);
-            best.family = c_.family[b];
-            std::copy(target, target + c_.n, point);
-            for (int j = 0; j < d; j++) point[branch.joints[j]] = found[j];
-            return true;
-        };
-        const double least = std::max(1e-13, 0.1 * o_.gap * o_.gap);
-        auto attempt = [&](const double* from) {
-            double copy[kJoints];
-            for (int way = largest ? 0 : 1; way < 2; way++) {  // no pull rests where cubes touch
-                std::copy(from, from + d, copy);
-                const double length = branch.descend(q, lo, hi, way == 1, least, copy);
-                if (length < part) keep(copy, length);
-            }
-        };
-        for (int j = 0; j < d; j++) start[j] = std::min(std::max(q[j], lo[j]), hi[j]);
-        attempt(start);
+    // A bound from which on nothing more is to be known.
+    double goal() const { return best_.upper - 0.5 * o_.gap; }
 
-        // Boxes wait in a heap by their bounds; those that were taken out leave their place.
-        std::vector<Box> boxes;
-        std::vector<std::size_t> places;
-        using Entry = std::pair<double, std::size_t>;
-        std::priority_queue<Entry, std::vector<Entry>, std::greater<Entry>> heap;
-        double proven = kInfinity;  // least bound of a box that was put aside
-        auto add = [&](const Box& box) {
-            if (box.low >= goal()) {
-                proven = std::min(proven, box.low);
-                return;
-            }
-            if (places.empty()) {
-                heap.emplace(box.low, boxes.size());
-                boxes.push_back(box);
-            } else {
-                heap.emplace(box.low, places.back());
-                boxes[places.back()] = box;
-                places.pop_back();
-            }
-        };
-        Box box;
-        double beyond = kInfinity;
-        bool empty = false;
-        for (int j = 0; j < d; j++) {
-            double from = lo[j], to = hi[j];
-            if (part < kInfinity) {  // what lies farther away is of no use
-                from = std::max(from, q[j] - part);
-                to = std::min(to, q[j] + part);
-            } else if (cut) {
-                beyond = o_.far;
-            }
-            empty = empty || from > to;
-            box.c[j] = 0.5 * (from + to);
-            box.h[j] = 0.5 * (to - from) * (1.0 + 1e-15) + 2.3e-16 * (std::fabs(from) + std::fabs(to));
-        }
-        if (!empty && bound.look(q, 0.0, part, box)) add(box);
-        for (std::int64_t turn = 0; !heap.empty(); turn++) {
-            const Entry top = heap.top();
-            if (top.first >= goal() || best.boxes >= o_.boxes) break;
-            heap.pop();
-            const Box parent = boxes[top.second];
-            places.push_back(top.second);
-            if (!(largest && part <= fixed)) {
-                std::copy(parent.near, parent.near + d, start);
-                const double length = branch.land(q, lo, hi, part, start);
-                if (length < kInfinity && keep(start, length)) attempt(start);
-                // Where Newton's method fails, as at double zeros, a longer way may do.
-                else if (turn % 64 == 63) attempt(parent.c);
-            }
-            if (parent.low >= goal() || parent.h[parent.widest] < 1e-13) {
-                proven = std::min(proven, parent.low);  // by rounding, nothing more can be told
-                continue;
-            }
-            for (int side = 0; side < 2; side++) {
-                box = parent;
-                const int w = parent.widest;
-                box.h[w] *= 0.5;
-                box.c[w] += side == 0 ? -box.h[w] : box.h[w];
-                box.h[w] *= 1.0 + 4e-16;
-                best.boxes++;
-                if (bound.look(q, parent.low, part, box)) add(box);
-            }
-        }
-        if (!heap.empty()) proven = std::min(proven, heap.top().first);
-        proven = std::min({proven, part, beyond});
-        if (proven == kInfinity) return;  // no zero within the limits
-        const double low = joined(std::max(fixed - slack_, 0.0), proven, largest);
-        best.lower = std::min(best.lower, std::max(low * (1.0 - 4e-15), 0.0));
+    void found(int b, double length, const double* point) {
+        best_.upper = length;
+        best_.family = c_.family[b];
+        std::copy(point, point + c_.n, point_);
     }
 
-    // The joints of a branch, and from where to where they are looked at; whether that is less
-    // than where its points count.
-    bool ranges(int b, const Branch& branch, const double* x, double* q, double* lo,
-                double* hi) const {
-        const double* lower = o_.lower + c_.family[b] * o_.stride;
-        const double* upper = o_.upper + c_.family[b] * o_.stride;
-        bool cut = false;
-        for (int j = 0; j < branch.d(); j++) {
-            const int joint = branch.joints[j];
-            q[j] = x[joint];
+    // A bound of all of the distance out of one in the joints of a part.
+    double whole(const Part& part, double low) const {
+        return std::max(joined(part.least, low, c_.largest) * (1.0 - 4e-15), 0.0);
+    }
+
+    // The joints of a part, from where to where they are looked at, and a first point.
+    void begin(Part& part, const double* x) {
+        if (part.fixed >= best_.upper) return;
+        const double* lower = o_.lower + c_.family[part.b] * o_.stride;
+        const double* upper = o_.upper + c_.family[part.b] * o_.stride;
+        double start[kJoints];
+        for (int j = 0; j < part.branch.d(); j++) {
+            const int joint = part.branch.joints[j];
+            double &q = part.q[j], &lo = part.lo[j], &hi = part.hi[j];
+            q = x[joint];
             const double turn = c_.turn[joint];
             const double reach = turn > 0.0 ? 0.5 * turn : o_.far;
             const bool below = o_.limited && lower[joint] > -kInfinity;
             const bool above = o_.limited && upper[joint] < kInfinity;
-            lo[j] = below ? lower[joint] : q[j] - reach;
-            hi[j] = above ? upper[joint] : q[j] + reach;
-            if (below && !above) hi[j] = std::max(q[j], lo[j]) + (turn > 0.0 ? turn : reach);
-            if (above && !below) lo[j] = std::min(q[j], hi[j]) - (turn > 0.0 ? turn : reach);
-            cut = cut || (turn == 0.0 && !(below && above));
+            lo = below ? lower[joint] : q - reach;
+            hi = above ? upper[joint] : q + reach;
+            if (below && !above) hi = std::max(q, lo) + (turn > 0.0 ? turn : reach);
+            if (above && !below) lo = std::min(q, hi) - (turn > 0.0 ? turn : reach);
+            part.cut = part.cut || (turn == 0.0 && !(below && above));
+            start[j] = std::min(std::max(q, lo), hi);
         }
-        return cut;
+        attempt(part, start);
+    }
+
+    // How far the best point known may be, in the joints of a part.
+    double known(Part& part) {
+        part.known = std::min(part.known, part_of(best_.upper, part.fixed, c_.largest));
+        return part.known;
+    }
+
+    bool keep(Part& part, const double* at, double length) {
+        const double proven = length + missing(part.branch, at, length);
+        if (!(proven < known(part))) return false;
+        part.known = proven;
+        std::vector<double> point = part.target;
+        for (int j = 0; j < part.branch.d(); j++)
+            point[static_cast<std::size_t>(part.branch.joints[j])] = at[j];
+        found(part.b, joined(part.fixed, proven, c_.largest) * (1.0 + 1e-15), point.data());
+        best_.lower = std::min(best_.lower, whole(part, proven));
+        return true;
+    }
+
+    void attempt(Part& part, const double* from) {
+        const double least = std::max(1e-13, 0.1 * o_.gap * o_.gap);
+        double x[kJoints];
+        for (int way = c_.largest ? 0 : 1; way < 2; way++) {  // no pull rests where cubes touch
+            std::copy(from, from + part.branch.d(), x);
+            const double length = part.branch.descend(part.q, part.lo, part.hi, way == 1, least, x);
+            if (length < known(part)) keep(part, x, length);
+        }
+    }
+
+    void add(Part& part, const Box& box) {
+        const double low = whole(part, box.low);
+        if (low >= goal()) {
+            best_.lower = std::min(best_.lower, low);
+        } else if (places_.empty()) {
+            heap_.emplace(low, boxes_.size());
+            boxes_.push_back({box, &part});
+        } else {
+            heap_.emplace(low, places_.back());
+            boxes_[places_.back()] = {box, &part};
+            places_.pop_back();
+        }
+    }
+
+    void add_first(Part& part) {
+        const double most = known(part);
+        if (most < 0.0) {  // its values are farther than the best point
+            best_.lower = std::min(best_.lower, part.least);
+            return;
+        }
+        Box box;
+        for (int j = 0; j < part.branch.d(); j++) {
+            double from = part.lo[j], to = part.hi[j];
+            if (most < kInfinity) {  // what lies farther away is of no use
+                from = std::max(from, part.q[j] - most);
+                to = std::min(to, part.q[j] + most);
+            }
+            if (from > to) return;
+            box.c[j] = 0.5 * (from + to);
+            box.h[j] = 0.5 * (to - from) * (1.0 + 1e-15) + 2.3e-16 * (std::fabs(from) + std::fabs(to));
+        }
+        if (most == kInfinity && part.cut)
+            best_.lower = std::min(best_.lower, whole(part, o_.far));
+        if (part.bound.look(part.q, 0.0, most, box)) add(part, box);
+    }
+
+    void split(Part& part, const Box& parent) {
+        const int d = part.branch.d();
+        if (!(c_.largest && known(part) <= part.fixed)) {
+            double start[kJoints];
+            std::copy(parent.near, parent.near + d, start);
+            const double length = part.branch.land(part.q, part.lo, part.hi, known(part), start);
+            if (length < kInfinity && keep(part, start, length)) attempt(part, start);
+            // Where Newton's method fails, as at double zeros, a longer way may do.
+            else if (part.turns++ % 64 == 63) attempt(part, parent.c);
+        }
+        const double low = whole(part, parent.low);
+        if (low >= goal() || parent.h[parent.widest] < 1e-13) {
+            best_.lower = std::min(best_.lower, low);  // by rounding, nothing more can be told
+            return;
+        }
+        for (int side = 0; side < 2; side++) {
+            Box box = parent;
+            const int w = parent.widest;
+            box.h[w] *= 0.5;
+            box.c[w] += side == 0 ? -box.h[w] : box.h[w];
+            box.h[w] *= 1.0 + 4e-16;
+            best_.boxes++;
+            if (part.bound.look(part.q, parent.low, known(part), box)) add(part, box);
+        }
     }
 
     // How much farther than a point that is on the set to rounding a zero surely is at most.

@@ -571,7 +571,9 @@ def nearest_family(
 def certified(watched: Watched, Q: Array, options: SearchOptions) -> tuple[Clearance, Array]:
     """Bounds brought together by branch and bound at Q (N, n), and the nearest points (N, n)."""
     found = nearest_points(watched.conditions, Q, *watched.limits, options)
-    bounds = found.lower, found.upper, found.family
+    # A search whose boxes end early may know less than the bounds in closed form.
+    least = np.maximum(found.lower, two_sided(watched.conditions, Q).lower)
+    bounds = np.minimum(least, found.upper), found.upper, found.family
     return _clearance(watched, Q, *bounds, True, options.within_limits), found.q
 
 
