@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import pinsing
-from pinsing.algebra.nearest import two_sided
+from pinsing.algebra.conditions import two_sided
 from pinsing.kinematics import singular_values
 from pinsing.kinematics.tip_speed import SpeedJudge
 from pinsing.proximity import Zones

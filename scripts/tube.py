@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 
 import pinsing
-from pinsing.algebra.nearest import two_sided
+from pinsing.algebra.conditions import two_sided
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.measures import Chain
 from pinsing.proximity.clearance import watch

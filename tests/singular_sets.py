@@ -17,7 +17,7 @@ from arms import place, serial
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.jacobian_matrix import constants
-from pinsing.algebra.surd_ring import ring_of
+from pinsing.algebra.ring import ring_of
 from pinsing.families import ClosedForm, closed_form
 from pinsing.kinematics.jacobian import generic_rank, task_jacobians
 from pinsing.kinematics.refine import walk

@@ -12,8 +12,7 @@ from tiers import sampled, tiered
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import equation
-from pinsing.algebra.ring import Poly, Ring, make_ring
-from pinsing.algebra.surd_ring import ring_of
+from pinsing.algebra.ring import Poly, Ring, make_ring, ring_of
 from pinsing.families import Equation
 from pinsing.families.zero_set import fix_joint, never_zero, proven_empty
 from pinsing.robot.surd import surd

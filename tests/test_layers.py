@@ -186,7 +186,7 @@ def test_a_cold_closed_form_pulls_in_no_masked_arrays_urllib_or_meshes():
     _, loaded = modules_after("import pinsing; str(pinsing.closed_form(pinsing.load('ur5')))")
     heavy = (
         "numpy.ma asyncio urllib.request yaml ssl pinocchio.visualize pinsing.view pinsing.plot "
-        "subprocess tempfile shutil html pinsing.families.design_form"
+        "subprocess tempfile shutil html pinsing.families.design"
     )
     assert loaded.isdisjoint(heavy.split())
 

@@ -13,7 +13,7 @@ import pytest
 from public import script
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.decompose import Decomposition
+from pinsing.algebra.components import Decomposition
 from pinsing.algebra.ring import make_ring
 from pinsing.families import closed_form
 from pinsing.robot.load import load

@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pinsing.algebra.nearest import two_sided
+from pinsing.algebra.conditions import two_sided
 from pinsing.families import Branch, Family, closed_form
 from pinsing.families.zero_set import project
 from pinsing.proximity.clearance import watch

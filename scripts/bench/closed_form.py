@@ -40,8 +40,7 @@ from typing import Any, NamedTuple
 
 import pinsing
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.jacobian_matrix import jacobian_matrix
-from pinsing.algebra.matrix import independent_rows
+from pinsing.algebra.jacobian_matrix import independent_rows, jacobian_matrix
 from pinsing.algebra.ring import make_ring
 from pinsing.families import ClosedForm, closed_form, prove
 from pinsing.families.certificate import text_of

@@ -18,7 +18,7 @@ from tiers import sampled, tiered
 
 import pinsing
 from pinsing.algebra.equation import Equation
-from pinsing.algebra.joint_form import JointForm, expressions, joint_form
+from pinsing.families.at_once import JointForm, expressions, joint_form
 from pinsing.kinematics.jacobian import ratios
 from pinsing.notebook import mathml
 from pinsing.robot.surd import exact_of, exact_text, surd

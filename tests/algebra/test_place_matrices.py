@@ -7,10 +7,8 @@ from singular_sets import ring_for
 
 from pinsing import load
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.decompose import SearchPlace
-from pinsing.algebra.jacobian_matrix import jacobian_matrix
-from pinsing.algebra.matrix import reduce_matrix
-from pinsing.algebra.minors import Minors
+from pinsing.algebra.components import SearchPlace
+from pinsing.algebra.jacobian_matrix import Minors, jacobian_matrix, reduce_matrix
 from pinsing.robot.nominal import nominal
 
 STRAIGHT, BACK = (Fraction(1), Fraction(0)), (Fraction(0), Fraction(1))

@@ -7,10 +7,8 @@ import pytest
 from flint import fmpq, fmpq_mat
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.matrix import independent_rows
-from pinsing.algebra.minors import determinant
-from pinsing.algebra.ring import Ring, make_ring
-from pinsing.algebra.surd_ring import ring_of
+from pinsing.algebra.jacobian_matrix import determinant, independent_rows
+from pinsing.algebra.ring import Ring, make_ring, ring_of
 from pinsing.robot.surd import surd
 
 SLIDES = (False, False, True)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.decompose import Decomposition
+from pinsing.algebra.components import Decomposition
 from pinsing.algebra.generic_points import Residues, rank_over, slice_points
 from pinsing.algebra.ring import make_ring
 

@@ -10,8 +10,7 @@ from tiers import tiered
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.real_roots import real_roots
-from pinsing.algebra.ring import WORD_PRIME, make_ring
-from pinsing.algebra.surd_ring import _EXPONENTS, SurdRing, ring_of
+from pinsing.algebra.ring import _EXPONENTS, WORD_PRIME, SurdRing, make_ring, ring_of
 from pinsing.robot.surd import cosine, residue, root_modulo, surd
 
 ROOT2, ROOT3, ROOT6 = (surd(*(Fraction(int(i == k)) for i in range(4))) for k in (1, 2, 3))

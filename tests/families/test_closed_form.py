@@ -22,7 +22,7 @@ from tiers import tiered
 
 from pinsing.families import ClosedForm, Family, closed_form
 from pinsing.families.family import latex_lines
-from pinsing.families.steps import STEPS
+from pinsing.families.solve import STEPS
 
 ZERO = (0.0, np.pi)
 SIDE = (-RIGHT, RIGHT)

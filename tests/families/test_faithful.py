@@ -12,7 +12,7 @@ from tiers import tiered_rows
 import pinsing
 from pinsing.algebra import real_roots as roots
 from pinsing.algebra.ring import make_ring
-from pinsing.families import pieces
+from pinsing.families import describe
 from pinsing.families.certificate import prove
 from pinsing.families.faithful import disagreements
 
@@ -68,13 +68,13 @@ def test_a_relation_that_is_a_product_has_all_of_its_roots():
 
 
 def test_a_value_read_wrongly_is_no_complete_answer(monkeypatch):
-    real = pieces.PieceMaker._at_exact_values_of
+    real = describe.PieceMaker._at_exact_values_of
 
     def at_half_a_turn(self, branch, component):
         held = [replace(v, exact=(0, 1)) if v.joint == 2 else v for v in branch.values]
         return real(self, replace(branch, values=tuple(held)), component)
 
-    monkeypatch.setattr(pieces.PieceMaker, "_at_exact_values_of", at_half_a_turn)
+    monkeypatch.setattr(describe.PieceMaker, "_at_exact_values_of", at_half_a_turn)
     form = pinsing.closed_form(chain(EVEN), seconds=60, prove=True)
     assert not form.complete
     assert any("on no family that is stated" in gap for gap in form.gaps)
@@ -83,7 +83,7 @@ def test_a_value_read_wrongly_is_no_complete_answer(monkeypatch):
 @pytest.mark.slow
 def test_a_root_that_is_lost_is_no_complete_answer(monkeypatch):
     monkeypatch.setattr(
-        pieces, "real_roots", lambda *a: [v for v in roots.real_roots(*a) if v.ball is not None]
+        describe, "real_roots", lambda *a: [v for v in roots.real_roots(*a) if v.ball is not None]
     )
     form = pinsing.closed_form(chain(SYMMETRIC, "vx,vy,vz,wz"), seconds=60)
     assert not form.complete

@@ -10,8 +10,8 @@ from urdf_text import J, X, Y, Z, urdf
 
 import pinsing
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.decompose import Decomposition
-from pinsing.algebra.minors import corner
+from pinsing.algebra.components import Decomposition
+from pinsing.algebra.jacobian_matrix import corner
 from pinsing.algebra.ring import make_ring
 
 TASK = "vx,vy,vz,wz"

@@ -7,8 +7,8 @@ from singular_sets import ring_for
 
 import pinsing
 from pinsing.algebra.budget import Budget
+from pinsing.families.describe import PieceMaker
 from pinsing.families.long_chain import LongChain
-from pinsing.families.pieces import PieceMaker
 from pinsing.families.solve import joint_symbols
 from pinsing.families.zero_set import SearchBox, draw, peeled, residuals
 from pinsing.kinematics.jacobian import generic_rank, ratios, task_jacobians

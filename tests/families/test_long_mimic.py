@@ -13,9 +13,9 @@ from urdf_text import J, Z, frame, urdf
 
 import pinsing
 from pinsing.algebra.budget import Budget
+from pinsing.algebra.jacobian_matrix import NearMinors
 from pinsing.algebra.mimic import own_jacobian_modulo
-from pinsing.algebra.minors import NearMinors
-from pinsing.families.pieces import PieceMaker
+from pinsing.families.describe import PieceMaker
 from pinsing.families.solve import joint_symbols
 from pinsing.families.zero_set import OwnPoints, SearchBox
 from pinsing.kinematics.jacobian import ratios, task_jacobians

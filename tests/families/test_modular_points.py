@@ -7,9 +7,9 @@ from singular_sets import ring_for
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
-from pinsing.algebra.minors import NearMinors
+from pinsing.algebra.jacobian_matrix import NearMinors
+from pinsing.families.describe import PieceMaker
 from pinsing.families.long_chain import LongChain, ModularPoints, solving_order
-from pinsing.families.pieces import PieceMaker
 from pinsing.families.solve import joint_symbols
 from pinsing.kinematics.jacobian import generic_rank, ratios
 from pinsing.robot.nominal import nominal

@@ -10,7 +10,7 @@ from flint import nmod_mat
 from tiers import tiered
 
 import pinsing
-from pinsing.families.modular_chain import ModularRows, joints_that_matter, short_everywhere
+from pinsing.families.slices import ModularRows, joints_that_matter, short_everywhere
 from pinsing.robot.nominal import jacobian_modulo, nominal
 
 TASKS = [

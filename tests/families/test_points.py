@@ -17,8 +17,7 @@ from pinsing.algebra.ring import make_ring
 from pinsing.families import closed_form, zero_set
 from pinsing.families.describe import describe
 from pinsing.families.form import families_text
-from pinsing.families.solve import joint_symbols
-from pinsing.families.steps import ComponentSearch
+from pinsing.families.solve import ComponentSearch, joint_symbols
 from pinsing.families.zero_set import OwnPoints, SearchBox, System, project, search
 from pinsing.kinematics.jacobian import generic_rank, ratios
 from pinsing.robot.arm import JointSpace

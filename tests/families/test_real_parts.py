@@ -16,8 +16,7 @@ from pinsing.algebra.real_roots import (
     real_solutions,
     semidefinite,
 )
-from pinsing.algebra.ring import make_ring
-from pinsing.algebra.surd_ring import ring_of
+from pinsing.algebra.ring import make_ring, ring_of
 from pinsing.families import closed_form
 from pinsing.families.form import families_text
 from pinsing.kinematics.jacobian import ratios

@@ -13,8 +13,8 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
 from pinsing.families import slices
 from pinsing.families.form import families_html, families_text
-from pinsing.families.modular_chain import ModularChain
-from pinsing.families.steps import ComponentSearch
+from pinsing.families.slices import ModularChain
+from pinsing.families.solve import ComponentSearch
 
 
 @pytest.fixture(scope="module")

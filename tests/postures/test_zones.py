@@ -12,7 +12,7 @@ from plain_speeds import PlainBounds
 from tiers import tiered, tiered_rows
 
 import pinsing
-from pinsing.algebra.nearest import two_sided
+from pinsing.algebra.conditions import two_sided
 from pinsing.errors import OptionError
 from pinsing.kinematics.jacobian import frame_jacobians, tip_poses
 from pinsing.kinematics.tip_speed import SpeedJudge

@@ -9,9 +9,8 @@ from singular_sets import RIGHT, Joint, build, closed
 
 import pinsing
 from pinsing._batch import engine
-from pinsing.algebra.conditions import Conditions
+from pinsing.algebra.conditions import Conditions, SearchOptions, nearest_points, two_sided
 from pinsing.algebra.equation import Equation
-from pinsing.algebra.nearest import SearchOptions, nearest_points, two_sided
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
 from pinsing.families import Branch, Family
 from pinsing.proximity.guard import make_guard

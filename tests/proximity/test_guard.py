@@ -18,7 +18,7 @@ from singular_sets import ROBOTS, arm_of, closed, sliding_equation
 from tiers import tiered, tiered_rows
 
 import pinsing
-from pinsing.algebra.nearest import two_sided
+from pinsing.algebra.conditions import two_sided
 from pinsing.errors import OptionError, PinsingError, UnknownNameError
 from pinsing.families import Branch, ClosedForm
 from pinsing.measures import Array

@@ -1,4 +1,18 @@
-"""The components that a search found, which of them are parts of others, and their statement.
+"""Where the rank of a polynomial matrix drops: its components, searched branch by branch.
+
+Every component of the complex set {rank M < r} of a rows x columns matrix has codimension
+at most (rows - r + 1)(columns - r + 1) (Eagon and Northcott, 1962). So the search branches
+on factors of the minors, puts joint values in as soon as a factor fixes one, and leaves a
+branch whose codimension has passed the bound: whatever is left there lies on a component
+of larger dimension, which another branch finds.
+
+Where several equations are left that fix no joint, generic points of their common zeros say
+whether these are singular. If they are, they are a component; if not, a minor that vanishes
+on none of them is one equation more. Such sets are small and take long: they come last, those
+with the fewest equations first.
+
+The search may go on in a child process, is stopped when time is over, and what it decided at random
+points is asked again modulo a second prime.
 
 Where a part of the common zeros of a system does not depend on a joint, every coefficient with
 respect to that joint's variables vanishes on it; where a polynomial falls into factors, one of them
@@ -9,19 +23,23 @@ makes all of the system's polynomials zero. That nothing of the part is lost its
 from __future__ import annotations
 
 import contextlib
+import functools
 import itertools
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from flint import Ordering, fmpz_mpoly_ctx, fmpz_mpoly_vec
 
-from pinsing.algebra.budget import Budget, BudgetExceeded
+from pinsing.algebra.budget import Apart, Budget, BudgetExceeded
 from pinsing.algebra.generic_points import Residues, SlicePoint, Slices, Undecided, slice_points
-from pinsing.algebra.minors import Minors
+from pinsing.algebra.jacobian_matrix import Minors, corner, cost
 from pinsing.algebra.ring import (
     SECOND_PRIME,
     WORD_PRIME,
+    Matrix,
+    Packed,
     Poly,
     Ring,
     Value,
@@ -384,3 +402,565 @@ def _reduced(poly: Poly, basis: Sequence[Poly]) -> Poly:
         for g in basis:
             poly = divmod(poly, g)[1]
     return poly
+
+
+@dataclass(frozen=True, eq=False)
+class SearchPlace:
+    """Where the search is: some joints at values."""
+
+    values: Mapping[int, Value]  # these joints
+    minors: Minors  # of what the matrix becomes there; singular means: all vanish
+    limit: int  # largest codimension of what is looked for; the joints at values count
+    # the place with the matrix that says what is singular, where ``minors`` are of a part of it
+    whole: SearchPlace | None = None
+
+    @property
+    def judge(self) -> SearchPlace:
+        """The place that says what is singular."""
+        return self.whole or self
+
+    def singular(self, point: SlicePoint) -> bool:
+        """Return True if a point is singular."""
+        return point.rank(self.judge.minors.matrix) < self.judge.minors.size
+
+    def at(self, new: Mapping[int, Value]) -> SearchPlace:
+        """The place with some more joints at values."""
+        whole = self.judge
+        return replace(whole, values={**whole.values, **new}, minors=whole.minors.at(new))
+
+    def beside(self, matrix: Matrix, rank: int) -> SearchPlace:
+        """The same place, looked at by a part of the matrix."""
+        part = Minors(matrix, rank, self.minors.ring, self.minors.time)
+        return replace(self, minors=part, whole=self.judge)
+
+    def zeroed(self, relations: Sequence[Poly]) -> SearchPlace:
+        """Return the place with entries that are multiples of equations at zero: minors factor."""
+        ring, rows = self.minors.ring, self.minors.matrix
+
+        def is_multiple(x: Poly) -> bool:
+            return x != 0 and any(len(r) <= len(x) and ring.divides(r, x) for r in relations)
+
+        matrix = [[ring.zero if is_multiple(x) else x for x in row] for row in rows]
+        return self if matrix == rows else self.beside(matrix, self.minors.size)
+
+    @property
+    def room(self) -> int:
+        """Number of further equations that are allowed."""
+        return max(0, self.limit - len(self.values))
+
+
+def regular_parts(
+    relations: Sequence[Poly],
+    singular: Sequence[SlicePoint],
+    regular: Sequence[SlicePoint],
+    ring: Ring,
+    time: Budget,
+) -> list[Part]:
+    """State the regular part of a system by equations that are nowhere zero on the singular one.
+
+    Points are generic ones of all its parts. What contains the regular part, with its points: the
+    system and more equations, or one value of a joint alone, within which the search goes on; none
+    if they were not told apart.
+    """
+    telling = [
+        f for f in _projections(relations, ring, time) if not all(s.is_zero(f) for s in singular)
+    ]
+    groups: dict[frozenset[int], list[SlicePoint]] = {}
+    for s in regular:
+        on = frozenset(i for i, f in enumerate(telling) if s.is_zero(f))
+        groups.setdefault(on, []).append(s)
+    parts: list[Part] = []
+    for on, points in groups.items():
+        value = next((telling[i] for i in on if ring.joint_value(telling[i])), None)
+        if value is not None:
+            parts.append(((value,), points))
+            continue
+        chosen, left = list(relations), list(singular)
+        while left:
+            away = {i: sum(not s.is_zero(telling[i]) for s in left) for i in on}
+            best = max(on, key=lambda i: (away[i], -len(telling[i])), default=None)
+            if best is None or not away[best]:
+                return []
+            chosen.append(telling[best])
+            left = [s for s in left if s.is_zero(telling[best])]
+        parts.append((tuple(chosen), points))
+    return parts
+
+
+def _projections(relations: Sequence[Poly], ring: Ring, time: Budget) -> list[Poly]:
+    """Factors of the resultants of all two of the equations, by all joints that they share."""
+    found: dict[str, Poly] = {}
+    for p, g in itertools.combinations(relations, 2):
+        # Largest product of term counts for which a symbolic resultant is tried.
+        if len(p) * len(g) > 4_000:
+            continue
+        for joint in sorted(set(ring.joints_of(p)) & set(ring.joints_of(g))):
+            time.check()
+            resultant = ring.strip(ring.eliminated(p, g, joint))
+            if resultant != 0:
+                found |= {str(f): f for f in ring.factors(resultant, time)}
+    return sorted(found.values(), key=len)
+
+
+Relations = tuple[Poly, ...]
+
+
+class Search:
+    """Goes through the branches; ``gaps`` say what stopped it, ``asked`` what points decided."""
+
+    def __init__(self, ring: Ring, time: Budget, found: FoundComponents) -> None:
+        self.ring = ring
+        self.time = time
+        self._found = found
+        self.gaps: list[str] = []
+        self.asked: list[Question] = []
+        self.depth = 0
+        self._rng = np.random.default_rng(FIRST_SEED)
+        self._residues = Residues(ring)
+        self._slices: Slices = {}
+        self._seen: set[object] = set()
+        self._later: list[tuple[int, Callable[[], None]]] = []
+
+    def run(self, place: SearchPlace) -> None:
+        """Find all components at a place."""
+        self._search(place)
+        while self._later:
+            first = min(range(len(self._later)), key=lambda i: self._later[i][0])
+            self.depth, run = self._later.pop(first)
+            run()
+
+    def confirm(self, minors: Minors, rank: int) -> None:
+        """Note it unless ``rank`` is the generic rank of the matrix before rows were used up."""
+        # A nonzero minor shows that it is no less; zeros of all larger ones, that it is no more.
+        short, reduced = minors.short, minors.size
+        less = reduced > 0 and (short < reduced or not any(True for _ in minors))
+        more = short > max(reduced, 0) and any(
+            True for _ in Minors(minors.matrix, max(reduced, 0) + 1, self.ring, self.time)
+        )
+        if reduced < 0 or less or more:
+            self.gaps.append(f"the generic rank is not {rank}, as points chosen at random said")
+
+    # Branches -----------------------------------------------------------------------
+
+    def _search(self, place: SearchPlace) -> None:
+        """All components at a place."""
+        values = place.values
+        key = frozenset(values.items())
+        if key in self._seen or self._found.covers(values):
+            return
+        self._seen.add(key)
+        reduced = self._reduced(place)
+        if reduced is None:
+            return
+        if reduced.room == 0 and self._regular(reduced.minors):  # nothing else of this codimension
+            return
+        minors = reduced.minors
+        common = self._common_factor(minors)
+        if common is None:
+            self._found.add(values, (), True)
+            return
+        if reduced.room == 0:
+            return
+        shared = self.ring.factors(common, self.time)
+        for f in shared:
+            fixed = self.ring.joint_value(f)
+            at = {} if fixed is None else dict([fixed])
+            self._found.add({**values, **at}, () if at else (f,), True)
+        if reduced.room < 2:
+            return
+        found = corner(minors.matrix, self.ring, self.time)
+        if found is None or found.determinant == 0:
+            self._branches(minors.simplest_cofactor(common), shared, reduced)
+            return
+        # Where the determinant of the corner is not zero, what is left has to drop its rank.
+        rest = self._reduced(reduced.beside(found.rest, minors.size - len(found.rows)))
+        if rest is not None:
+            common = self._common_factor(rest.minors)
+            if common is not None and rest.room >= 2:
+                self._branches(rest.minors.simplest_cofactor(common), (), rest)
+        self._branches(self.ring.factors(found.determinant, self.time), shared, reduced)
+
+    def _branches(
+        self, factors: Sequence[Poly], shared: Sequence[Poly], place: SearchPlace
+    ) -> None:
+        """Go on inside each of some factors, but for those that are components themselves."""
+        for f in factors:
+            if f in shared:
+                continue
+            fixed = self.ring.joint_value(f)
+            if fixed is not None:
+                self._search(place.at(dict([fixed])))
+            else:
+                self._relation(f, place)
+
+    def _relation(self, p: Poly, place: SearchPlace) -> None:
+        """Components inside p = 0."""
+        key = (frozenset(place.values.items()), str(p), place.minors.size)
+        if key in self._seen or self._found.covers(place.values, (p,)):
+            return
+        self._seen.add(key)
+        place = place.zeroed((p,))
+        others = []
+        proper = (minor for minor in place.minors if not self.ring.divides(p, minor))
+        for minor in itertools.islice(proper, 6):
+            if not (factors := self.ring.factors(minor, self.time)):
+                return
+            others.append(factors)
+        if not others:
+            self._found.add(place.values, (p,), True)
+            return
+        if place.room < 2:
+            return
+        for g in min(others, key=cost):
+            self._and((p,), g, place, 1)
+
+    def _and(self, relations: Relations, g: Poly, place: SearchPlace, count: int) -> None:
+        """Components inside some equations of codimension ``count``, and one more."""
+        fixed = self.ring.joint_value(g)
+        if fixed is not None:
+            self._within(relations, place, dict([fixed]))
+        else:
+            self._system((*relations, g), place, count + 1)
+
+    def _within(self, relations: Relations, place: SearchPlace, new: Mapping[int, Value]) -> None:
+        """Go on at ``new`` values with all factors of what equations become there."""
+        place, put = place.at(new), self.ring.putting(new)
+        became = [self.ring.strip(put(p)) for p in relations]
+        factors = [self.ring.factors(p, self.time) for p in became if p != 0]
+        for combination in itertools.product(*factors):
+            distinct = tuple({str(h): h for h in combination}.values())
+            fixed = next(((h, f) for h in distinct if (f := self.ring.joint_value(h))), None)
+            if fixed is not None:
+                left = tuple(h for h in distinct if h is not fixed[0])
+                self._within(left, place, dict([fixed[1]]))
+            elif not distinct:
+                self._search(place)
+            elif (reduced := self._reduced(place)) is not None:
+                independent = self._independent(distinct, place.values)
+                if len(independent) == 1:
+                    self._relation(independent[0], reduced)
+                else:
+                    self._system(independent, reduced, len(independent))
+
+    def _independent(self, relations: Relations, values: Mapping[int, Value]) -> Relations:
+        """Return some relations, of which each cuts the common zeros of those before it."""
+        # At joint values several relations may have more common zeros than their number says: one
+        # that leaves a part of them is left out, and more is searched.
+        ordered = sorted(relations, key=len)
+        kept = ordered[:2]  # irreducible, none a multiple of the other
+        for g in ordered[2:]:
+            try:
+                cuts = not any(s.is_zero(g) for s in self._points(kept, values))
+            except Undecided:
+                cuts = True  # then the system is not decided either, and that is said
+            if cuts:
+                kept.append(g)
+        return tuple(kept)
+
+    def _system(self, relations: Relations, place: SearchPlace, count: int) -> None:
+        """Find components inside common zeros of codimension ``count``, of two equations or more.
+
+        Those that are such common zeros themselves are stated by as few joints as can be found.
+        Where none is, one more minor cuts the rest down by one dimension.
+        """
+        key = (frozenset(place.values.items()), frozenset(map(str, relations)), place.minors.size)
+        if key in self._seen or place.room < count:
+            return
+        self._seen.add(key)
+        if count > 2:  # what is larger, and found at less cost, first
+            run = functools.partial(self._common_zeros, relations, place, count)
+            self._later.append((count, run))
+        else:
+            self._common_zeros(relations, place, count)
+
+    def _common_zeros(self, relations: Relations, place: SearchPlace, count: int) -> None:
+        """See ``_system``."""
+        self.time.check()
+        try:
+            points = list(self._points(relations, place.values, count))
+        except Undecided:
+            self.gaps.append(f"the common points of {len(relations)} equations were not told apart")
+            return
+        minors = place.minors
+        singular = [s for s in points if s.rank(minors.matrix) < minors.size]
+        self.asked.append(Question(relations, place.values, place.judge.minors, count))
+        if singular:
+            if len(relations) == 2:
+                self._eliminate(*relations, place, singular)
+            missed = [s for s in singular if not self._found.holds(s)]
+            if missed:
+                known = [s for s in points if s not in missed]
+                state = functools.partial(self._statement, relations, minors)
+                stated = relations
+                if known:
+                    stated = self._shortened(state(missed, known), count, place)
+                codimension = len(place.values) + count
+                backing = Backing(missed, known, state)
+                self._found.add(place.values, stated, False, codimension, backing)
+        # What is singular beside the part of the matrix that is looked at is searched by itself.
+        regular = [s for s in points if s not in singular and not place.singular(s)]
+        if regular and place.room > count:
+            self._cut(relations, [s for s in points if s not in regular], regular, place, count)
+
+    def _cut(
+        self,
+        relations: Relations,
+        singular: list[SlicePoint],
+        regular: list[SlicePoint],
+        place: SearchPlace,
+        count: int,
+    ) -> None:
+        """Go on inside what is regular of some equations, cut by one minor more."""
+        parts = [(relations, regular)]
+        if singular:
+            parts = regular_parts(relations, singular, regular, self.ring, self.time)
+            if not parts:
+                self.gaps.append(
+                    f"sets of codimension {len(place.values) + count + 1} or more inside the "
+                    f"regular part of {len(relations)} equations were not searched"
+                )
+        for stated, on in parts:
+            fixed = next((v for f in stated if (v := self.ring.joint_value(f))), None)
+            if fixed is not None:  # all of it is searched there
+                self._search(place.at(dict([fixed])))
+                continue
+            zeroed = place.zeroed(stated)
+            ways = [place] if zeroed is place else [place, zeroed]
+            cuts = [(c, way) for way in ways if (c := way.minors.cutting(on)) is not None]
+            if not cuts:
+                self.gaps.append(
+                    f"no single minor cut all of the common zeros of {len(relations)} equations"
+                )
+                continue
+            cutting, there = min(cuts, key=lambda c: place.minors.effort(c[0]))
+            for g in cutting:
+                self._and(stated, g, there, count)
+
+    def _eliminate(self, p: Poly, g: Poly, place: SearchPlace, singular: list[SlicePoint]) -> None:
+        """Look for components of p = g = 0 by the factors of a resultant, free of one joint."""
+        shared = self.ring.shared_joints(p, g)
+        # Largest product of term counts for which a symbolic resultant is tried.
+        if not shared or len(p) * len(g) > 2_000:
+            return
+        resultant = self.ring.strip(self.ring.eliminated(p, g, shared[0]))
+        for h in self.ring.factors(resultant, self.time):
+            fixed = self.ring.joint_value(h)
+            if fixed is not None:
+                put = self.ring.putting(dict([fixed]))
+                common = self.ring.gcd(put(p), put(g))
+                for e in self.ring.factors(self.ring.strip(common), self.time):
+                    self._within((e,), place, dict([fixed]))
+            elif len(h) <= len(p) + len(g) and any(s.is_zero(h) for s in singular):
+                for other in sorted((p, g), key=len):
+                    points = self._all_singular((h, other), place)
+                    if points and all(s.transversal((h, other)) for s in points):
+                        backing = Backing(points, [])
+                        self._found.add(place.values, (h, other), False, backing=backing)
+                        break
+
+    def _all_singular(self, relations: Relations, place: SearchPlace) -> list[SlicePoint]:
+        """Generic points of some equations if all of these are singular, else none."""
+        points = []
+        for s in self._points(relations, place.values):  # a slice at a time, as they are asked
+            if not place.singular(s):
+                return []
+            points.append(s)
+        return points
+
+    def _regular(self, minors: Minors) -> bool:
+        """Return True if some configuration of a place is regular, shown by one modulo a prime."""
+        return any(
+            self._residues.generic_rank(minors.matrix, self._rng) >= minors.size for _ in range(2)
+        )
+
+    def _points(
+        self, relations: Sequence[Poly], values: Mapping[int, Value], count: int | None = None
+    ) -> Iterator[SlicePoint]:
+        """Generic points of the common zeros of some equations, of codimension ``count``."""
+        given = relations, self._residues, self._rng, values, self.time.check, count
+        return slice_points(*given, slices=self._slices)
+
+    # Statements ---------------------------------------------------------------------
+
+    def _shortened(self, relations: Relations, count: int, place: SearchPlace) -> Relations:
+        """Return as few equations as the codimension, if some say the same."""
+        # Their common zeros have no parts of lower dimension: where generic points of all parts are
+        # singular, and new, all is.
+        slices: Slices = {}
+        # Equations of a long system among which fewer that say the same are looked for.
+        for few in itertools.combinations(relations[:5], count):
+            if self._states(few, place, slices):
+                return few
+        return relations
+
+    def _states(self, relations: Relations, place: SearchPlace, slices: Slices) -> bool:
+        """Return True if all common zeros are singular, and none is on a known component."""
+        found = False
+        check = self.time.check
+        points = slice_points(
+            relations, self._residues, self._rng, place.values, check, patient=False, slices=slices
+        )
+        try:
+            for s in points:
+                self.time.check()
+                if not place.singular(s) or self._found.holds(s):
+                    return False
+                found = True
+        except Undecided:
+            return False
+        return found
+
+    def _statement(
+        self,
+        relations: Relations,
+        minors: Minors,
+        singular: list[SlicePoint],
+        others: list[SlicePoint],
+    ) -> tuple[Poly, ...]:
+        """Return equations of the singular part of the common zeros of some equations.
+
+        One factor of every minor, that all of the singular part shares, and of the rest as little
+        as can be: where these vanish all minors do, so that not even a regular part of lower
+        dimension is stated.
+        """
+        stated = list(relations)
+        for minor in minors:
+            self.time.check()
+            if any(self.ring.divides(r, minor) for r in stated):
+                continue
+            whole = [
+                f
+                for f in self.ring.factors(minor, self.time)
+                if all(s.is_zero(f) for s in singular)
+            ]
+            if len(whole) > 1:
+                whole.sort(key=lambda f: (sum(s.is_zero(f) for s in others), len(f)))
+            stated.append(whole[0] if whole else minor)
+        return tuple(sorted(stated, key=len))
+
+    # Pieces -------------------------------------------------------------------------
+
+    def _common_factor(self, minors: Minors) -> Poly | None:
+        """Greatest common divisor of all minors; None if all of them are zero."""
+        common = None
+        for minor in minors:
+            self.time.check_factor(len(minor), self.ring.long_to_factor(minor))
+            common = minor if common is None else self.ring.gcd(common, minor)
+            if self.ring.is_constant(common):
+                break
+        return common
+
+    def _reduced(self, place: SearchPlace) -> SearchPlace | None:
+        """The place with a smaller matrix, unless all of it is singular (noted), or none."""
+        small = place.minors.smaller
+        if small.size <= 0:
+            return None
+        if small.short < small.size:
+            self._found.add(place.values, (), True)
+            return None
+        limit = min(place.limit, len(place.values) + small.bound)
+        return replace(place, minors=small, limit=limit)
+
+
+_TO_ASK = 0.1
+"""Share of the time for asking the second prime, however long the search took."""
+
+PackedComponent = tuple[Mapping[int, Value], list[Packed], bool, int]
+
+
+def _packed(c: Component, ring: Ring) -> PackedComponent:
+    return c.values, [ring.packed(r) for r in c.relations], c.proven, c.codimension
+
+
+def _unpacked(packed: PackedComponent, ring: Ring) -> Component:
+    values, relations, proven, codimension = packed
+    return Component(values, tuple(ring.unpacked(r) for r in relations), proven, codimension)
+
+
+@dataclass(frozen=True)
+class Within:
+    """Joint values inside which alone is searched."""
+
+    values: Mapping[int, Value]  # of these joints; the matrix is the one there
+    limit: int  # largest codimension of what is looked for; the joints at values count
+    # what was found before: nothing that lies in one of these is looked into
+    known: Sequence[Component]
+
+
+class Decomposition:
+    """Runs the search and collects components, and what stopped it where it did not finish."""
+
+    def __init__(
+        self,
+        matrix: Matrix | Callable[[], Matrix],
+        rank: int,
+        ring: Ring,
+        time: Budget,
+        within: Within | None = None,
+    ) -> None:
+        self.ring = ring
+        self.time = time
+        self._within = within
+        self._apart = Apart(time, time.on_clock + _TO_ASK * time.seconds)
+        self._found = FoundComponents(ring, self._tell)
+        for c in () if within is None else within.known:
+            self._found.add(c.values, c.relations, c.proven, c.codimension)
+        self._search = Search(ring, time, self._found)
+        self.gaps = self._search.gaps
+        self.stopped = False
+        self.bound = 1
+        self.components: list[Component] = []
+        self.second = RandomSteps(0, (), ())
+        ended = self._apart.run(lambda: self._ended(matrix, rank))
+        if ended.result is None:
+            self._stop(ended.told, ended.reason)
+        elif ended.result is not self:
+            packed, self.gaps, self.stopped, self.second, self.bound = ended.result
+            self.components = [_unpacked(c, self.ring) for c in packed]
+
+    def _ended(self, matrix: Matrix | Callable[[], Matrix], rank: int) -> Any:
+        """Itself after the search; what can be pickled of it, in a child."""
+        search = self._search
+        try:
+            given = matrix() if callable(matrix) else matrix
+            # That it is the generic rank is confirmed below.
+            minors = Minors.reduced(given, rank, self.ring, self.time, generic=True)
+            self.bound = minors.bound if minors.size > 0 and minors.matrix else 1
+            if self._within is None:
+                search.confirm(minors, rank)
+                search.run(SearchPlace({}, minors, self.bound))
+            else:
+                search.run(SearchPlace(self._within.values, minors, self._within.limit))
+        except BudgetExceeded as reason:
+            self.stopped = True
+            self.gaps.append(
+                f"{reason} among sets inside {search.depth} simultaneous equations or more"
+                if search.depth
+                else str(reason)
+            )
+        self.components = self._found.irredundant(self.time)
+        time = self.time.part(1.0, _TO_ASK)
+        self.second = ask_again(search.asked, self.components, self.ring, time)
+        self.gaps += self.second.gaps
+        if not self._apart.child:
+            return self
+        packed = [_packed(c, self.ring) for c in self.components]
+        return packed, self.gaps, self.stopped, self.second, self.bound
+
+    def _tell(self, component: Component) -> None:
+        """Return what a child found, in case that it is stopped."""
+        if self._apart.child:
+            self._apart.tell(_packed(component, self.ring))
+
+    def _stop(self, told: Sequence[PackedComponent], reason: str) -> None:
+        """Return the components that a stopped search has reported."""
+        # Points that found some are gone with the child: only division shows which lie in others.
+        found = self._found.all + [_unpacked(t, self.ring) for t in told]
+        for c in sorted(found, key=by_size):
+            if not any(inside(c, k, self.ring) for k in self.components):
+                self.components.append(c)
+        self.stopped = True
+        self.gaps.append(reason)
+        self.second = RandomSteps(
+            len(self._search.asked) + 1, (WORD_PRIME,), (FIRST_SEED,), (reason,)
+        )

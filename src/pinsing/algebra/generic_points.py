@@ -22,10 +22,10 @@ from typing import Any
 import numpy as np
 from flint import fmpz_mod_poly_ctx, fq_default_ctx, fq_default_poly_ctx, nmod_mat, nmod_poly
 
-from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.ring import (
     WORD_PRIME,
     MadeOnce,
+    Matrix,
     Poly,
     Ring,
     Value,

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from pinsing.algebra.conditions import Branch as Branch, JointValue as JointValue
     from pinsing.algebra.equation import Equation as Equation
     from pinsing.families.certificate import prove as prove
-    from pinsing.families.design_form import (
+    from pinsing.families.design import (
         DesignChange as DesignChange,
         DesignFamily as DesignFamily,
         DesignForm as DesignForm,
@@ -24,7 +24,7 @@ public(
         "pinsing.algebra.conditions": "Branch JointValue",
         "pinsing.algebra.equation": "Equation",
         "certificate": "prove",
-        "design_form": "DesignChange DesignFamily DesignForm",
+        "design": "DesignChange DesignFamily DesignForm",
         "family": "Family",
         "form": "ClosedForm Proof",
         "zero_set": "Distance",

@@ -28,8 +28,7 @@ from flint import fmpq_mat
 from pinsing.algebra.budget import Apart, Budget, BudgetExceeded
 from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.mimic import NotFollowed
-from pinsing.algebra.ring import MadeOfEqual
-from pinsing.algebra.surd_ring import ring_of
+from pinsing.algebra.ring import MadeOfEqual, ring_of
 from pinsing.families.faithful import disagreements
 from pinsing.families.form import ClosedForm, Proof
 from pinsing.families.proof_forms import (

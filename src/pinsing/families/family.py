@@ -15,9 +15,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pinsing.algebra.components import Component
-from pinsing.algebra.conditions import Branch, Conditions
+from pinsing.algebra.conditions import BOXES, GAP, Branch, Conditions, SearchOptions
 from pinsing.algebra.equation import PLAIN, Equation, format_angle, latex_symbol
-from pinsing.algebra.nearest import BOXES, GAP, SearchOptions
 from pinsing.arguments import checked, columns_of, real_numbers, whole_number
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.families.at_once import LONG, AtOnce, SolvedFor, long_form, long_ones

@@ -40,10 +40,10 @@ from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component, FoundComponents, inside
 from pinsing.algebra.conditions import Branch
 from pinsing.algebra.generic_points import Residues
+from pinsing.algebra.jacobian_matrix import NearMinors, NotSquare
 from pinsing.algebra.mimic import own_jacobian_modulo
-from pinsing.algebra.minors import NearMinors, NotSquare
 from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value, coefficients_by
-from pinsing.families.pieces import PieceMaker
+from pinsing.families.describe import PieceMaker
 from pinsing.families.zero_set import SearchBox, gradients, project
 from pinsing.kinematics.jacobian import ratios, task_jacobians
 from pinsing.measures import Array, Bool

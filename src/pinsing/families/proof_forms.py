@@ -16,16 +16,16 @@ import numpy as np
 from flint import acb_poly, ctx, fmpq, fmpq_poly
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.matrix import dependent
+from pinsing.algebra.jacobian_matrix import dependent
 from pinsing.algebra.mimic import drives
 from pinsing.algebra.ring import (
     MadeOfEqual,
     Ring as AlgebraRing,
+    SurdRing,
     Value,
     coefficients_by,
     rational,
 )
-from pinsing.algebra.surd_ring import SurdRing
 from pinsing.proof.checker import (
     MOST_WORK,
     SCHEMA,

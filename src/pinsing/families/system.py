@@ -22,8 +22,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
 from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.mimic import own_offsets
-from pinsing.algebra.ring import Poly, Value, rational
-from pinsing.algebra.surd_ring import ring_of
+from pinsing.algebra.ring import Poly, Value, rational, ring_of
 from pinsing.errors import OptionError
 from pinsing.families.family import Family, asked_for
 from pinsing.families.proof_forms import content

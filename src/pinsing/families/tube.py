@@ -33,8 +33,7 @@ from typing import TypeAlias
 import numpy as np
 
 from pinsing._batch import engine
-from pinsing.algebra.conditions import Branch, Margin, weighted_sum
-from pinsing.algebra.nearest import SearchOptions, nearest_points
+from pinsing.algebra.conditions import Branch, Margin, SearchOptions, nearest_points, weighted_sum
 from pinsing.algebra.trig_sum import TINY, At, TrigSum, to_zeros
 from pinsing.families.family import Family
 from pinsing.kinematics.jacobian import frame_jacobians

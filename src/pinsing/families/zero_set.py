@@ -1,11 +1,9 @@
-"""Points on the zero set of equations: projection, search, and proof that a box has none.
+"""Points on the zero set of equations, which are singular, how near; proof that a box has none.
 
 In closed form all joints are drawn but as many as there are equations. A joint that enters an
 equation once is found from the others: with f = A cos q + B sin q + C,
 q = atan2(B, A) +- arccos(-C / sqrt(A^2 + B^2)). Where several equations hold, each is solved for a
 joint that none of those solved before it has, so that these still hold.
-
-How near a family is, and which points of its equations are its own: singular ones.
 """
 
 from __future__ import annotations
@@ -18,9 +16,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing.algebra.conditions import Branch, Conditions
+from pinsing.algebra.conditions import Branch, Conditions, SearchOptions, nearest_points
 from pinsing.algebra.equation import Equation
-from pinsing.algebra.nearest import SearchOptions, nearest_points
 from pinsing.kinematics.jacobian import own_jacobians_and_derivatives, own_scale, ratios
 from pinsing.measures import FLOAT_NOISE, NOISE, ROUNDING, Array, Bool
 from pinsing.robot.arm import Arm, JointSpace

@@ -28,7 +28,7 @@ import pinocchio as pin
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import Equation, equation
-from pinsing.algebra.minors import determinant
+from pinsing.algebra.jacobian_matrix import determinant
 from pinsing.algebra.real_roots import real_roots
 from pinsing.algebra.ring import Poly, Ring, make_ring, rational
 from pinsing.errors import OptionError

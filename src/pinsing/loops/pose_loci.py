@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.minors import determinant
+from pinsing.algebra.jacobian_matrix import determinant
 from pinsing.algebra.ring import Poly, coefficients_by, divided_by, make_ring, rational
 from pinsing.loops.closure import (
     PLANE,

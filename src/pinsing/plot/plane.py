@@ -12,8 +12,7 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 
-from pinsing.algebra.conditions import Conditions
-from pinsing.algebra.nearest import two_sided
+from pinsing.algebra.conditions import Conditions, two_sided
 from pinsing.arguments import checked, real_numbers, whole_number
 from pinsing.errors import OptionError
 from pinsing.families import Branch, ClosedForm, Equation, Family, closed_form

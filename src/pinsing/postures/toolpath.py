@@ -22,7 +22,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._batch import engine
-from pinsing.algebra.nearest import SearchOptions, two_sided
+from pinsing.algebra.conditions import SearchOptions, two_sided
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm

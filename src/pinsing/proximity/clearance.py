@@ -16,8 +16,16 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from pinsing.algebra.conditions import Conditions, Margin
-from pinsing.algebra.nearest import BOXES, GAP, Bounds, SearchOptions, nearest_points, two_sided
+from pinsing.algebra.conditions import (
+    BOXES,
+    GAP,
+    Bounds,
+    Conditions,
+    Margin,
+    SearchOptions,
+    nearest_points,
+    two_sided,
+)
 from pinsing.arguments import checked, columns_of, real_numbers, stands_for
 from pinsing.errors import OptionError, ResultError
 from pinsing.families import ClosedForm, Family

@@ -14,9 +14,18 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pinsing.algebra.conditions import SIMPLE, Conditions, Zeros, place, zeros_along
+from pinsing.algebra.conditions import (
+    BOXES,
+    SIMPLE,
+    Conditions,
+    SearchOptions,
+    Zeros,
+    nearest_points,
+    place,
+    two_sided,
+    zeros_along,
+)
 from pinsing.algebra.equation import Equation
-from pinsing.algebra.nearest import BOXES, SearchOptions, nearest_points, two_sided
 from pinsing.arguments import checked, real_numbers
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch, JointValue

@@ -19,8 +19,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pinsing._batch import engine
-from pinsing.algebra.conditions import contact_along
-from pinsing.algebra.nearest import two_sided
+from pinsing.algebra.conditions import contact_along, two_sided
 from pinsing.arguments import checked, columns_of, real_numbers
 from pinsing.atomic_write import MEBIBYTE
 from pinsing.errors import ConfigurationError, OptionError

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from pinsing.algebra.budget import PER_SECOND, Budget
-from pinsing.algebra.nearest import BOXES, SearchOptions, nearest_points
+from pinsing.algebra.conditions import BOXES, SearchOptions, nearest_points
 from pinsing.arguments import MAX_SEED, checked, typed, whole_number
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch

@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from pinsing._batch import engine
-from pinsing.algebra.nearest import BOXES as NEAREST, SearchOptions, nearest_points, two_sided
+from pinsing.algebra.conditions import BOXES as NEAREST, SearchOptions, nearest_points, two_sided
 from pinsing.algebra.trig_sum import TINY, off_values
 from pinsing.arguments import checked
 from pinsing.errors import EngineError, OptionError

@@ -19,8 +19,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pinsing._batch import engine as kernel
-from pinsing.algebra.conditions import Conditions
-from pinsing.algebra.nearest import two_sided
+from pinsing.algebra.conditions import Conditions, two_sided
 from pinsing.arguments import checked, typed
 from pinsing.chunk_file import Record
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
