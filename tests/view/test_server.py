@@ -121,7 +121,7 @@ def test_only_our_page_gives_a_file(server: Server) -> None:
 def test_a_link_from_elsewhere_is_refused_before_it_is_upgraded(server, headers):
     headers = {k: v.replace("7000", str(server.port)) for k, v in headers.items()}
     assert upgrade(server, f"/{token(server)}/live", **headers) in (400, 403)
-    assert server.pages == 0
+    assert len(server.clients) == 0
 
 
 @pytest.mark.parametrize(
@@ -218,7 +218,7 @@ def test_tabs_that_do_not_read_harm_nobody_else(server: Server) -> None:
     for _ in range(50):
         server.send({"shown": "x" * 1_000_000})
         assert "shown" in good.read()
-    assert server.pages == 1
+    assert len(server.clients) == 1
     server.close()
     # It has ended by itself, after two waits: ``close`` does not wait for ever.
     assert not server._thread.is_alive()

@@ -463,7 +463,7 @@ def report_command(
     }
     from pinsing.families import closed_form
     from pinsing.proximity.trajectory import check_trajectory
-    from pinsing.report.info import Trajectory
+    from pinsing.report.arm_report import Trajectory
 
     OptionError.refuse_if(
         trajectory is None and (units or columns), "--units and --columns are of --trajectory FILE"

@@ -542,15 +542,20 @@ def _numbers(found: Aspects, Q: Array) -> Ints:
     """Return the number of the aspect at each point of a grid (M, N, n); 0 where not told."""
     # Touching points of the same signs, between the same joint values, are of one aspect: it is
     # asked at the one farthest from the region's edge, at others only if it is not told there.
-    label = _regions(_keys(found, Q))
-    numbers = np.zeros(label.shape, dtype=np.int64)
-    order = np.lexsort((-_depth(label).ravel(), label.ravel()))
-    first = np.unique(label.ravel()[order], return_index=True)[1][1:]
-    for points in np.split(order, first):
-        # A thin region may have nothing but edge: points of it may be singular.
-        some = np.unique(np.linspace(0, len(points) - 1, 12).astype(np.int64))
-        told = (found.of(q) for q in Q.reshape(-1, Q.shape[-1])[points[some]])
-        numbers.ravel()[points] = next((n for n in told if n is not None), 0)
+    from scipy.ndimage import distance_transform_cdt, find_objects, label
+
+    keys = _keys(found, Q)
+    numbers = np.zeros(keys.shape, dtype=np.int64)
+    for key in np.unique(keys):
+        regions, _ = label(keys == key)
+        for k, box in enumerate(find_objects(regions), 1):
+            inside = regions[box] == k
+            depth = distance_transform_cdt(np.pad(inside, 1), "taxicab")[1:-1, 1:-1][inside]
+            points = Q[box][inside][np.argsort(-depth, kind="stable")]
+            # A thin region may have nothing but edge: points of it may be singular.
+            some = np.unique(np.linspace(0, len(points) - 1, 12).astype(np.int64))
+            told = (found.of(q) for q in points[some])
+            numbers[box][inside] = next((n for n in told if n is not None), 0)
     return numbers
 
 
@@ -570,32 +575,6 @@ def _keys(found: Aspects, Q: Array) -> Ints:
         for surface in part.surfaces:
             key = key * 2 + (surface.equation(Q) > 0)
     return key
-
-
-def _regions(key: Ints) -> Ints:
-    """Label of the connected set of equal keys at each point of a grid."""
-    from scipy.ndimage import label
-
-    out = np.zeros(key.shape, dtype=np.int64)
-    for value in np.unique(key):
-        numbers, _ = label(key == value)
-        out += np.where(numbers > 0, numbers + out.max(), 0)
-    return out
-
-
-def _depth(label: Ints) -> Ints:
-    """Steps from each point to another label or the edge of the grid."""
-    from scipy.ndimage import (
-        distance_transform_cdt,
-        generate_binary_structure,
-        grey_dilation,
-        grey_erosion,
-    )
-
-    # Inside is where a point and its four neighbours have one label; beyond the grid is none.
-    padded, cross = np.pad(label, 1, constant_values=-1), generate_binary_structure(2, 1)
-    alike = grey_dilation(padded, footprint=cross) == grey_erosion(padded, footprint=cross)
-    return np.asarray(distance_transform_cdt(alike[1:-1, 1:-1], "taxicab"))
 
 
 _MOST_CURVES = 12

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import time
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,15 +16,22 @@ import numpy as np
 from pinsing.algebra.equation import latex_symbol
 from pinsing.arguments import checked, typed
 from pinsing.atomic_write import check_writable, write_bytes, write_text
-from pinsing.errors import OptionError, OutputError
-from pinsing.families import ClosedForm, Family
+from pinsing.errors import OptionError, OutputError, PinsingError
+from pinsing.families import ClosedForm, Family, closed_form
 from pinsing.families.certificate import text_of
-from pinsing.families.describe import ORDER, missing_everywhere
+from pinsing.families.describe import ORDER, missing_everywhere, telling_poses
 from pinsing.families.form import PLACE, coverage_words
-from pinsing.kinematics.at import SINGULAR, State
+from pinsing.kinematics.at import SINGULAR, State, at
+from pinsing.kinematics.jacobian import SINGULAR_RTOL
 from pinsing.measures import Array, ArrayLike, Reachability
-from pinsing.proximity.clearance import Clearance
-from pinsing.proximity.trajectory import check_trajectory, details, summary as said_of
+from pinsing.proximity.clearance import Clearance, clearance
+from pinsing.proximity.suggestion import Suggestion, suggest
+from pinsing.proximity.trajectory import (
+    TrajectoryCheck,
+    check_trajectory,
+    details,
+    summary as said_of,
+)
 from pinsing.proximity.zones import Zones, require_zones_of
 from pinsing.report.document import (
     Section,
@@ -47,10 +56,100 @@ from pinsing.report.document import (
     text,
     workspace_pictures,
 )
-from pinsing.report.info import Content, Trajectory, gather
+from pinsing.report.info import ArmInfo, describe, named_poses
 from pinsing.robot.arm import Arm, ArmSummary
 from pinsing.robot.mechanism import Mechanism
+from pinsing.robot.nominal import nominal
 from pinsing.view.picture import check_browser, printed
+
+
+@dataclass(frozen=True, eq=False)
+class Special:
+    """A configuration that people ask about first."""
+
+    name: str  # ``zero``, ``mid-range``, the description's, or ``given 1``
+    state: State
+    near: Clearance | None  # None where no family has a real point
+
+
+@dataclass(frozen=True, eq=False)
+class Content:
+    """All that a report of an arm says."""
+
+    arm: Arm
+    info: ArmInfo
+    forms: ClosedForm  # with what became of the search for a certificate
+    # one a family that shows it well, where it is singular; within limits if possible
+    poses: tuple[tuple[Arm, State] | None, ...]
+    special: tuple[Special, ...]
+    clearest: Suggestion | None  # None without families
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A trajectory that a report judges."""
+
+    check: TrajectoryCheck
+    Q: Array  # (N, n), radians and metres
+    t: Array | None  # (N,)
+    name: str = "path"
+    robot: str = "ROBOT"  # how commands name it
+    notes: tuple[str, ...] = ()  # how its file was read
+
+    @property
+    def answer(self) -> tuple[str, str]:
+        """What it meets, and what to do, a line each."""
+        first, *_, last = said_of(self.check, True, self.name, self.robot).splitlines()
+        return first, last.strip()
+
+
+def gather(
+    arm: Arm, forms: ClosedForm | None = None, poses: Mapping[str, Array] | None = None
+) -> Content:
+    """Compute what a report says; families, unless given, with a certificate if that is quick."""
+    forms = closed_form(arm) if forms is None else forms
+    # Where to go, and how far it is, if there are any that a configuration can be on.
+    real = any(f.real for f in forms.families)
+    clearest = None
+    if real:
+        with contextlib.suppress(PinsingError):  # nothing clear within the limits
+            clearest = suggest(arm, forms=forms, work=2.0)
+    asked = {**special_poses(arm), **(poses or {})}
+    if clearest is not None:
+        asked["clearest found"] = clearest.q
+    return Content(
+        arm=arm,
+        info=describe(arm),
+        forms=forms,
+        poses=tuple(_pose(arm, f, forms.families) for f in forms.families),
+        special=tuple(
+            Special(name, at(arm, q), clearance(forms, q, certify=True) if real else None)
+            for name, q in asked.items()
+        ),
+        clearest=clearest,
+    )
+
+
+def special_poses(arm: Arm) -> dict[str, Array]:
+    """Zero, the middle of the limits, and what the description gives a name to."""
+    lower, upper = arm.span
+    ends = np.isfinite(arm.lower) & np.isfinite(arm.upper)
+    zero, middle = np.zeros(arm.n), np.where(ends, (lower + upper) / 2, 0.0)
+    same = np.array_equal(zero, middle)
+    found = {"zero, which is mid-range": zero} if same else {"zero": zero, "mid-range": middle}
+    return found | dict(sorted(named_poses(arm)))
+
+
+def _pose(arm: Arm, family: Family, families: tuple[Family, ...]) -> tuple[Arm, State] | None:
+    """A telling configuration of a family, on the nominal geometry if the file's is rounded."""
+    others = [f for f in families if f is not family and f.real]
+    chosen = telling_poses(arm, family, 1, others) if family.real else ()
+    q = chosen[0] if chosen else family.generic
+    if q is None:
+        return None
+    rounded = family.raw_ratio is not None and family.raw_ratio > SINGULAR_RTOL
+    shown = nominal(arm).arm if rounded else arm
+    return shown, at(shown, q)
 
 
 @checked

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
@@ -11,15 +11,11 @@ import numpy as np
 
 from pinsing.arguments import typed
 from pinsing.errors import PinsingError
-from pinsing.families import ClosedForm, Family, closed_form
-from pinsing.families.describe import telling_poses
-from pinsing.kinematics.at import State, at
+from pinsing.families import closed_form
 from pinsing.kinematics.jacobian import SINGULAR_RTOL, engine_name, generic_rank, ratios
 from pinsing.measures import ROUNDING, Array, Bool
 from pinsing.prose import PLAIN, Page, Table
-from pinsing.proximity.clearance import Clearance, clearance
-from pinsing.proximity.suggestion import Suggestion, suggest
-from pinsing.proximity.trajectory import TrajectoryCheck, summary
+from pinsing.proximity.suggestion import suggest
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.nominal import (
     AxisDifference,
@@ -70,7 +66,7 @@ def singular_poses(arm: Arm) -> tuple[SingularPose, ...]:
     """Zero, neutral and named poses of an arm that are singular."""
     exact = nominal(arm).arm
     named: list[tuple[str, Array]] = []
-    for name, q in (("zero", np.zeros(arm.n)), *_named_poses(arm, neutral=arm.source.reference)):
+    for name, q in (("zero", np.zeros(arm.n)), *named_poses(arm, neutral=arm.source.reference)):
         known = any(np.array_equal(q, other) for _, other in named)
         if not known and min(float(ratios(a, q)[0]) for a in (exact, arm)) <= SINGULAR_RTOL:
             named.append((name, q))
@@ -224,98 +220,9 @@ def describe(arm: Arm) -> ArmInfo:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Special:
-    """A configuration that people ask about first."""
-
-    name: str  # ``zero``, ``mid-range``, the description's, or ``given 1``
-    state: State
-    near: Clearance | None  # None where no family has a real point
-
-
-@dataclass(frozen=True, eq=False)
-class Content:
-    """All that a report of an arm says."""
-
-    arm: Arm
-    info: ArmInfo
-    forms: ClosedForm  # with what became of the search for a certificate
-    # one a family that shows it well, where it is singular; within limits if possible
-    poses: tuple[tuple[Arm, State] | None, ...]
-    special: tuple[Special, ...]
-    clearest: Suggestion | None  # None without families
-
-
-@dataclass(frozen=True, eq=False)
-class Trajectory:
-    """A trajectory that a report judges."""
-
-    check: TrajectoryCheck
-    Q: Array  # (N, n), radians and metres
-    t: Array | None  # (N,)
-    name: str = "path"
-    robot: str = "ROBOT"  # how commands name it
-    notes: tuple[str, ...] = ()  # how its file was read
-
-    @property
-    def answer(self) -> tuple[str, str]:
-        """What it meets, and what to do, a line each."""
-        first, *_, last = summary(self.check, True, self.name, self.robot).splitlines()
-        return first, last.strip()
-
-
-def gather(
-    arm: Arm, forms: ClosedForm | None = None, poses: Mapping[str, Array] | None = None
-) -> Content:
-    """Compute what a report says; families, unless given, with a certificate if that is quick."""
-    forms = closed_form(arm) if forms is None else forms
-    # Where to go, and how far it is, if there are any that a configuration can be on.
-    real = any(f.real for f in forms.families)
-    clearest = None
-    if real:
-        with contextlib.suppress(PinsingError):  # nothing clear within the limits
-            clearest = suggest(arm, forms=forms, work=2.0)
-    asked = {**special_poses(arm), **(poses or {})}
-    if clearest is not None:
-        asked["clearest found"] = clearest.q
-    return Content(
-        arm=arm,
-        info=describe(arm),
-        forms=forms,
-        poses=tuple(_pose(arm, f, forms.families) for f in forms.families),
-        special=tuple(
-            Special(name, at(arm, q), clearance(forms, q, certify=True) if real else None)
-            for name, q in asked.items()
-        ),
-        clearest=clearest,
-    )
-
-
-def special_poses(arm: Arm) -> dict[str, Array]:
-    """Zero, the middle of the limits, and what the description gives a name to."""
-    lower, upper = arm.span
-    ends = np.isfinite(arm.lower) & np.isfinite(arm.upper)
-    zero, middle = np.zeros(arm.n), np.where(ends, (lower + upper) / 2, 0.0)
-    same = np.array_equal(zero, middle)
-    found = {"zero, which is mid-range": zero} if same else {"zero": zero, "mid-range": middle}
-    return found | dict(sorted(_named_poses(arm)))
-
-
-def _named_poses(arm: Arm, **more: Array) -> Iterator[tuple[str, Array]]:
+def named_poses(arm: Arm, **more: Array) -> Iterator[tuple[str, Array]]:
     """Configurations of the whole robot: ``more``, and those that the description names."""
     named = arm.source.full_model.referenceConfigurations
     for name, full in (*more.items(), *((str(e.key()), np.array(e.data())) for e in named)):
         with contextlib.suppress(PinsingError):  # locked joints stand elsewhere in it
             yield name, arm.q_of(full)
-
-
-def _pose(arm: Arm, family: Family, families: tuple[Family, ...]) -> tuple[Arm, State] | None:
-    """A telling configuration of a family, on the nominal geometry if the file's is rounded."""
-    others = [f for f in families if f is not family and f.real]
-    chosen = telling_poses(arm, family, 1, others) if family.real else ()
-    q = chosen[0] if chosen else family.generic
-    if q is None:
-        return None
-    rounded = family.raw_ratio is not None and family.raw_ratio > SINGULAR_RTOL
-    shown = nominal(arm).arm if rounded else arm
-    return shown, at(shown, q)

@@ -17,7 +17,6 @@ import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
 from types import FrameType
@@ -330,26 +329,6 @@ Tell = Callable[[str], object]
 """Called with a sentence about what goes on."""
 
 
-@dataclass(frozen=True, eq=False)
-class RunOptions:
-    """What decides no number of a run, but for the instruction set."""
-
-    # folder that each finished chunk is put in; a run that was stopped, or killed, can be resumed
-    # from it
-    out: Folder | None = None
-    # ``auto``, ``batch``, ``pinocchio``, or an instruction set (``baseline``, ``avx2``,
-    # ``avx512``). A run that is resumed keeps the one it began with
-    engine: str = "auto"
-    threads: int | None = None  # as many as the process may use by default
-    # takes the chunks instead of threads: any ``concurrent.futures.Executor``
-    executor: Executor | None = None
-    # how many chunks it works on at once; the number of processors here by default
-    parallel: int | None = None
-    progress: Progress | None = None  # called with how much is done, and of all
-    # called with sentences for people: how much was there already, what was damaged
-    tell: Tell | None = None
-
-
 def how_many(asked: int | None, what: str) -> int:
     """A number of workers that was asked for, or that of the processors."""
     if asked is None:
@@ -393,10 +372,9 @@ class Job(ABC):
         """Bytes that the arrays of a chunk take at most."""
 
 
-def planned_batch(arm: Arm, options: RunOptions) -> Batch:
+def planned_batch(arm: Arm, out: Folder | None, engine: str) -> Batch:
     """Fix the engine of a run: that which its folder was begun with, if it has been."""
-    known = None if options.out is None else recorded(options.out)
-    return fixed_batch(arm, recorded_engine(known, options.engine))
+    return fixed_batch(arm, recorded_engine(None if out is None else recorded(out), engine))
 
 
 class Run:
@@ -408,13 +386,14 @@ class Run:
     def __init__(
         self,
         job: Job,
-        options: RunOptions,
         folder: RunFolder | None,
         executor: Executor,
         parallel: int,
         inbox: Inbox,
+        progress: Progress | None,
+        tell: Tell | None,
     ) -> None:
-        self.job, self.options, self.folder = job, options, folder
+        self.job, self.folder, self.progress, self.tell = job, folder, progress, tell
         self.executor, self.inbox = executor, inbox
         self.limit = 2 * parallel  # chunks handed out at a time: one to work on, one waiting
         self.done = 0
@@ -428,8 +407,8 @@ class Run:
                     start, stop = self.job.span(index)
                     take(start, record)
                     self.done += stop - start
-                    if self.options.progress is not None:
-                        self.options.progress(before + self.done, before + self.job.count)
+                    if self.progress is not None:
+                        self.progress(before + self.done, before + self.job.count)
         except KeyboardInterrupt:
             return False
         return True
@@ -494,34 +473,41 @@ class Run:
                 damaged.append(f"{index} ({error})")
             else:
                 yield index, record
-        tell = self.options.tell
-        if tell is not None and kept:
-            tell(f"{len(kept) - len(damaged)} of {self.job.chunks} chunks were done before")
+        if self.tell is not None and kept:
+            self.tell(f"{len(kept) - len(damaged)} of {self.job.chunks} chunks were done before")
             if damaged:
                 more = f" and {len(damaged) - LISTED} more" if len(damaged) > LISTED else ""
-                tell(f"damaged and done again: chunks {', '.join(damaged[:LISTED])}{more}")
+                self.tell(f"damaged and done again: chunks {', '.join(damaged[:LISTED])}{more}")
 
 
 @contextlib.contextmanager
-def running(job: Job, options: RunOptions) -> Iterator[Run]:
+def running(
+    job: Job,
+    out: Folder | None,
+    threads: int | None,
+    executor: Executor | None,
+    parallel: int | None,
+    progress: Progress | None,
+    tell: Tell | None,
+) -> Iterator[Run]:
     """Run ``job`` for as long as the block lasts; meanwhile Ctrl-C is as of `ctrl_c_to`."""
-    executor, parallel, inbox = options.executor, options.parallel, Inbox()
     OptionError.refuse_if(
-        executor is not None and options.threads is not None,
+        executor is not None and threads is not None,
         "give either threads or an executor, not both",
     )
+    inbox = Inbox()
     with contextlib.ExitStack() as stack:
         stack.enter_context(ctrl_c_to(inbox))
         folder = None
-        if options.out is not None:
-            folder = stack.enter_context(open_run(options.out, job.identity(), job.chunks))
+        if out is not None:
+            folder = stack.enter_context(open_run(out, job.identity(), job.chunks))
         if executor is None:
-            parallel = how_many(options.threads, "threads")
+            parallel = how_many(threads, "threads")
             executor = pool = ThreadPoolExecutor(parallel, thread_name_prefix="pinsing")
             # Pressed twice, nobody waits for what the threads are doing.
             stack.callback(lambda: pool.shutdown(wait=inbox.asked < 2, cancel_futures=True))
         parallel = cpu_count() if parallel is None else parallel
-        yield Run(job, options, folder, executor, parallel, inbox)
+        yield Run(job, folder, executor, parallel, inbox, progress, tell)
 
 
 def _outcome(future: Future[Record], job: Job, index: int) -> Record:

@@ -38,7 +38,7 @@ from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL, Array, ArrayLike, Bool, N
 from pinsing.prose import PLAIN, Page, Span, Table, alarm, caution, verdict
 from pinsing.proximity.clearance import Forms, nearest_family, require_forms_of, watch
 from pinsing.robot.arm import Arm, ArmSummary, summarize
-from pinsing.sampling.execute import Job, Progress, RunOptions, Tell, planned_batch, running
+from pinsing.sampling.execute import Job, Progress, Tell, planned_batch, running
 from pinsing.sampling.tally import (
     BLOCK,
     QUANTILE_ERROR,
@@ -762,10 +762,6 @@ class MapJob(Job):
             found.append(self.near.bounds(Q, self.batch.engine))
         return sigma, found
 
-    def counted(self, k: int, Q: Array) -> tuple[Array, Array]:
-        """Return what tally ``k`` counts at Q (N, n)."""
-        return self.measure(Q)[1][k]
-
     def identity(self) -> Mapping[str, Any]:
         """Return what decides the numbers, as plain JSON values."""
         values: dict[str, Any] = {"keep_values": self.keep_values}
@@ -785,8 +781,11 @@ class MapJob(Job):
         if self.keep_values:
             finite(record, "sigma", (stop - start, generic_rank(self.batch.arm)))
         for k, tally in enumerate(self.tallies()):
-            again = functools.partial(self.counted, k)
-            tally.check(record, stop - start, start, stop, self.plan.configuration, again)
+
+            def again(numbers: list[int], k: int = k) -> tuple[Array, Array]:
+                return self.measure(np.stack([self.plan.configuration(i) for i in numbers]))[1][k]
+
+            tally.check(record, stop - start, start, stop, again)
 
     def room(self, index: int) -> int:
         """Bytes that the arrays of a chunk take at most."""
@@ -930,7 +929,6 @@ def sigma_map(
         chunk=chunk,
         keep_values=keep_values,
     )
-    options = RunOptions(out, engine, threads, executor, parallel, progress, tell)
     UnknownNameError.refuse_if(measure not in MEASURES, "measure", measure, MEASURES)
     OptionError.refuse_if(
         measure == "sigma" and forms is not None,
@@ -940,7 +938,7 @@ def sigma_map(
         keep_values and out is None, "keep_values needs a folder to keep them in: give out"
     )
     near = Nearness.of(arm, forms) if measure == "clearance" else None
-    job = MapJob(plan, planned_batch(arm, options), keep_values, near)
+    job = MapJob(plan, planned_batch(arm, out, engine), keep_values, near)
     tally, *distances = tallies = job.tallies()
     notes = plan.notes
 
@@ -948,7 +946,7 @@ def sigma_map(
         for one in tallies:
             one.join(record)
 
-    with running(job, options) as run:
+    with running(job, out, threads, executor, parallel, progress, tell) as run:
         if not run.reduce(take):
             notes += (f"stopped after {tally.done:,} of {plan.count:,} configurations",)
         if not tally.done:

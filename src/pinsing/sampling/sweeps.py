@@ -50,7 +50,6 @@ from pinsing.robot.nominal import ANGLE_TOL, nominal as nominal_geometry
 from pinsing.sampling.execute import (
     Job,
     Progress,
-    RunOptions,
     Tell,
     planned_batch,
     running,
@@ -1020,11 +1019,15 @@ class SweepJob(Job):
         values = VALUES if self.kept.values else ()
         check_names(record, (*tally.names, *pool.names, *values))
         regular = int((~self._rows(index).singular).sum()) * self.plan.samples
-        measure = functools.partial(last_and_ratio, self.batch)
-        tally.check(record, regular, start, stop, self.table.configuration, measure)
+        tally.check(record, regular, start, stop, self._again)
         pool.check(record, start, stop, regular)
         for name in values:
             finite(record, name, (stop - start,))
+
+    def _again(self, numbers: list[int]) -> tuple[Array, Array]:
+        return last_and_ratio(
+            self.batch, self.table.configurations(*np.divmod(numbers, self.plan.samples))
+        )
 
     def room(self, index: int) -> int:
         """Bytes that the arrays of a chunk take at most."""
@@ -1186,14 +1189,13 @@ def run_sweep(
         OptionError.refuse_if(
             number is not None and number < 1, f"{name} must be at least 1, got {number}"
         )
-    options = RunOptions(out, engine, threads, executor, parallel, progress, tell)
     kept = Kept(keep is not False and check_keep(plan, keep), int(worst), int(candidates))
     if chunk is None:
         most = _CHUNK_ON_DISK if kept.values else 524_288  # in 256 chunks, without the curves
         chunk = max(_CHUNK if out is None else _CHUNK_ON_DISK, min(most, plan.n_jacobians // 256))
     block = _curves_per_block(plan.samples)
     size = max(1, chunk // plan.samples // block) * block
-    job = SweepJob(plan, planned_batch(arm, options), int(size), kept)
+    job = SweepJob(plan, planned_batch(arm, out, engine), int(size), kept)
     some = len(plan.uniform) > 0
     last, ratio = last_and_ratio(job.batch, plan.uniform) if some else (np.empty(0), np.empty(0))
     uniform = tuple(
@@ -1212,7 +1214,7 @@ def run_sweep(
         for row, name in zip(values, VALUES if kept.values else (), strict=False):
             row[start : start + len(record[name])] = record[name]
 
-    with running(job, options) as run:
+    with running(job, out, threads, executor, parallel, progress, tell) as run:
         if not run.reduce(take, len(uniform)):
             notes.append(f"stopped after {run.done // plan.samples} of {len(table)} curves")
         found = pool.candidates(plan.samples)

@@ -178,12 +178,11 @@ class Tally:
         count: int,
         start: int,
         stop: int,
-        locate: Callable[[int], Array],
-        measure: Callable[[Array], tuple[Array, Array]],
+        measure: Callable[[list[int]], tuple[Array, Array]],
     ) -> None:
         """Judge a tally of ``count`` configurations; DamagedError says what is wrong."""
         # ``measure`` computes what stands for sigma_r and the ratio of the worst and the extremes
-        # again.
+        # again, by their numbers.
         part = {name: record[self.prefix + name] for name in _ARRAYS}
         done, singular, near = whole(part, "counts", (3,), 0, count + 1).tolist()
         DamagedError.refuse_if(
@@ -232,7 +231,7 @@ class Tally:
                 f"the histogram of {name} does not end where its values do",
             )
         numbers = [*index.tolist(), *part["index"].ravel().tolist()]
-        last, again = measure(np.stack([locate(number) for number in numbers]))
+        last, again = measure(numbers)
         found = [last[:size], again[:size], last[size : size + 2], again[size + 2 :]]
         said = np.concatenate([sigma, ratio, value.ravel()])
         # Arrays of other lengths are added up in another order.
@@ -359,40 +358,30 @@ class Pool:
 
 
 def array_of(
-    record: Record, name: str, shape: tuple[int | None, ...], whole: bool
-) -> NDArray[np.generic]:
-    """Return array ``name`` of a record; DamagedError for another type or shape (None: any)."""
-    array = record.get(name)
-    if array is None:
-        raise DamagedError(f"it lacks {name}")
-    DamagedError.refuse_if(
-        array.dtype != (np.int64 if whole else np.float64),
-        f"{name} has numbers of type {array.dtype}",
-    )
+    record: Record, name: str, shape: tuple[int | None, ...], kind: type, low: float, high: float
+) -> NDArray[Any]:
+    """Array ``name`` of a record, from ``low`` to ``high``; DamagedError for anything else."""
+    # A length of None is any.
+    array: Any = record.get(name)
+    DamagedError.refuse_if(array is None, f"it lacks {name}")
+    DamagedError.refuse_if(array.dtype != kind, f"{name} has numbers of type {array.dtype}")
     fits = len(array.shape) == len(shape) and all(
         want in (None, have) for want, have in zip(shape, array.shape, strict=True)
     )
     DamagedError.refuse_if(not fits, f"{name} has the shape {array.shape}")
-    return array
+    inside = np.all((array >= low) & (array <= high))  # what is no number is not
+    DamagedError.refuse_if(not inside, f"{name} is outside {low} to {high}")
+    return np.asarray(array)
 
 
 def finite(record: Record, name: str, shape: tuple[int | None, ...], bounded: bool = True) -> Array:
     """Finite numbers of at least 0, or infinite ones too if not ``bounded``; as `array_of`."""
-    array = array_of(record, name, shape, whole=False).astype(np.float64, copy=False)
-    DamagedError.refuse_if(
-        not ((np.isfinite(array).all() or not bounded) and (array >= 0).all()),
-        f"{name} is negative or not finite",
-    )
-    return array
+    return array_of(record, name, shape, np.float64, 0, np.finfo(float).max if bounded else np.inf)
 
 
 def whole(record: Record, name: str, shape: tuple[int | None, ...], low: int, stop: int) -> Ints:
     """Whole numbers from ``low`` to before ``stop``; as `array_of`."""
-    array = array_of(record, name, shape, whole=True).astype(np.int64, copy=False)
-    DamagedError.refuse_if(
-        ((array < low) | (array >= stop)).any(), f"{name} is outside {low} to {stop - 1}"
-    )
-    return array
+    return array_of(record, name, shape, np.int64, low, stop - 1)
 
 
 def check_names(record: Record, names: tuple[str, ...]) -> None:
