@@ -75,7 +75,7 @@ def all_chains(
     """Return tip, base and joints of each chain that ends in a leaf or tool frame."""
     # Each starts at the root and at the last branching; where the root is too far, at all near
     # ones.
-    from pinsing.robot import chains
+    from pinsing.robot import models as chains
 
     tools = {c.last: c.tip for c in chains.candidates(model, mimics)}
     children = chains._children(model)

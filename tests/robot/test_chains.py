@@ -12,8 +12,7 @@ from pinsing import load
 from pinsing.description.catalog import find_robot
 from pinsing.description.urdf import read_description
 from pinsing.errors import ChainError
-from pinsing.robot.chains import arm_chains, chains_text, long_chain_note
-from pinsing.robot.models import build_model
+from pinsing.robot.models import arm_chains, build_model, chains_text, long_chain_note
 
 
 def model_of(robot: str) -> tuple[pin.Model, list[str]]:

@@ -40,7 +40,7 @@ def info_command(request: RobotRequest, deg: bool, json_target: str | Path | Non
         arm = request.load(quiet=True)
     except ChainError as error:
         if error.chains and request.base is None and json_target != STDOUT:
-            from pinsing.robot.chains import chains_text
+            from pinsing.robot.models import chains_text
 
             emit(chains_text(error.chains, request.words))
         raise

@@ -39,7 +39,7 @@ from pinsing.errors import (
 )
 from pinsing.measures import ALIKE, ROUNDING, Array, ArrayLike, Bool
 from pinsing.notebook import one_line, text as notebook_text
-from pinsing.robot.chains import frame_index, way_between
+from pinsing.robot.models import Coupling as Coupling, frame_index, way_between
 from pinsing.robot.task import Task, parse_task
 
 
@@ -325,18 +325,6 @@ def kept(compute: Callable[[_M], T]) -> Callable[[_M], T]:
         return of.once(key, lambda: compute(of))
 
     return once
-
-
-@dataclass(frozen=True, eq=False)
-class Coupling:
-    """Mimic joints inside the chain: model joints = ``matrix @ q + offset``."""
-
-    matrix: Array  # (nv, n)
-    offset: Array  # (nv,), radians or metres
-
-    def values(self, q: Array) -> Array:
-        """Values (..., nv) of the model's joints, of those (..., n) of the free ones."""
-        return np.asarray(q @ self.matrix.T + self.offset)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,27 +14,25 @@ import pinocchio as pin
 from pinsing.arguments import checked
 from pinsing.errors import ChainError, JointError, UnknownNameError
 from pinsing.robot.arm import Arm, HasModel, Source, given_file, given_model, named
-from pinsing.robot.chains import (
-    Way,
-    candidates,
-    choose_chain,
-    choose_tip,
-    frame_index,
-    joint_path,
-    long_chain_note,
-    way_between,
-)
 from pinsing.robot.models import (
     Follow,
+    Way,
     build_model,
+    candidates,
     chain_limits,
+    choose_chain,
+    choose_tip,
     couple,
     coupled_limits,
+    frame_index,
+    joint_path,
     leader_of,
     lock_joints,
     locked_at,
+    long_chain_note,
     reroot,
     turned_round,
+    way_between,
 )
 from pinsing.robot.nominal import assumed_design
 from pinsing.robot.task import Task, parse_task
@@ -351,7 +349,7 @@ def _build(
     if off_path:
         joints = f"{len(off_path)} joint{'s' * (len(off_path) != 1)}"
         notes += (f"locked outside the chain, without effect on it: {joints}",)
-    reduced = lock_joints(model, lock, reference)
+    reduced, _ = lock_joints(model, lock, reference, pin.GeometryModel())
     if any(j in way.up for j in kept):
         reduced, _ = turned_round(reduced, *[frame_index(reduced, name) for name in ends])
     elif base != "universe":
@@ -367,16 +365,15 @@ def _build(
     notes += tuple(said)
     if coupling is not None:
         lower, upper = coupled_limits(lower, upper, coupling, names, independent)
-    index = [names.index(n) for n in independent]
     return Arm(
         name=whole.name,
         model=reduced,
         tip=tip,
         base=root_name(reduced) if base == "universe" else base,
         joints=tuple(independent),
-        prismatic=prismatic[index],
-        lower=lower if coupling is not None else lower[index],
-        upper=upper if coupling is not None else upper[index],
+        prismatic=prismatic[[names.index(n) for n in independent]],
+        lower=lower,
+        upper=upper,
         task=task,
         length_scale=length_scale,
         notes=notes,

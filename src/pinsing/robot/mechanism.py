@@ -46,8 +46,7 @@ from pinsing.robot.arm import (
     require_scale,
     require_values,
 )
-from pinsing.robot.chains import frame_index
-from pinsing.robot.models import joint_axis
+from pinsing.robot.models import frame_index, joint_axis
 from pinsing.robot.task import ROW_NAMES, Task, parse_task
 
 LOOP_KINDS = {"planar": 2, "3d": 3, "6d": 6}

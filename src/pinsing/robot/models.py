@@ -1,7 +1,9 @@
-"""Pinocchio models: their joints, how one is built, joints taken out, any frame made the world.
+"""Pinocchio models: which chains they offer, how one is built, joints taken out, turned round.
 
-From child to parent a joint's motion is the inverse one: with the same value about the opposite
-axis. So joints from the base towards the root keep their names, values, signs and limits, and only
+A chain is named by its tip and, where it does not start at the root, by its base. Joints before
+the base are locked, and so are grippers beyond the tip. Any frame can be made the world: from child
+to parent a joint's motion is the inverse one, with the same value about the opposite axis. So
+joints from the base towards the root keep their names, values, signs and limits, and only
 placements and axes are reversed: what moves is the tip, seen from the base. With X the shift of the
 base's motion to the tip, its Jacobian is J_tip - X J_base in the axes of the base.
 """
@@ -9,21 +11,367 @@ base's motion to the tip, its Jacobian is J_tip - X J_base in the axes of the ba
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
+import re
 import sys
 import threading
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from shlex import quote
 from typing import BinaryIO, cast
 
 import numpy as np
 import pinocchio as pin
 
 from pinsing.description.urdf import Description
-from pinsing.errors import JointError, RobotFileError
+from pinsing.errors import ChainError, JointError, RobotFileError, UnknownNameError
 from pinsing.measures import Array
-from pinsing.robot.arm import Coupling
-from pinsing.robot.chains import frame_index
+
+# Names in use for the working frame of an arm, the usual first.
+_TOOL_NAMES = (
+    r"(^|_)tool0$",
+    r"(^|_)tcp$",
+    r"(^|_)tool(_?(frame|link))?$",
+    r"(^|_)eef?(_?(frame|link))?$",
+    r"end_?effector(_?link)?$",
+    r"(^|_)flange$",
+    r"gripper_frame(_link)?$",
+    r"gripper_?(base_?)?link$|gripper_base_link$|palm_link$",
+    r"(^|_)gripper$",
+    r"(^|_)hand$",
+)
+_HAND = re.compile(
+    r"finger|thumb|(^|_)(index|ring|pinky|little)(_|\d|$)|(^|_)middle(_?q?\d|_abd|_flex|_mcp|$)"
+    r"|knuckle|jaw|grip(per)?|inner_?link"
+    r"|(^|_)hand_|^[lr]?hand$|fingertip",
+    re.IGNORECASE,
+)
+_FINGER = re.compile(r"finger|thumb|knuckle|jaw", re.IGNORECASE)
+_LINK_KINDS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
+ARM_JOINTS = 4
+"""A chain of this many joints or more counts as an arm when there are several chains."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A chain that ends at some last joint."""
+
+    last: int  # index in the model
+    path: tuple[int, ...]  # movable joints from the root, or the given base
+    tip: str
+    passed_over: tuple[str, ...]  # gripper joints beyond the tip
+
+    def length(self, model: pin.Model) -> int:
+        """Number of its joints that turn or slide: a floating base does not count."""
+        return sum(model.joints[j].nv == 1 for j in self.path)
+
+    def beyond(self, base: int) -> Candidate:
+        """Return the part of it that lies beyond a joint of its path; 0 is the root."""
+        return replace(self, path=self.path[self.path.index(base) + 1 :]) if base else self
+
+
+def joint_path(model: pin.Model, joint: int, start: int = 0) -> tuple[int, ...]:
+    """Return joints after ``start`` up to ``joint``; ChainError if it is not on the way."""
+    path = []
+    while joint not in (0, start):
+        path.append(joint)
+        joint = int(model.parents[joint])
+    ChainError.refuse_if(joint != start, "the base is not between the root and the tip")
+    return tuple(reversed(path))
+
+
+def candidates(model: pin.Model, mimics: Collection[str] = ()) -> list[Candidate]:
+    """Return all chains that an arm could be, grippers left to what carries them."""
+    children = _children(model)
+    in_hand = _hand_joints(model, children, mimics)
+    if len(in_hand) == model.njoints - 1:  # a hand on its own: its fingers are the chains
+        in_hand = set()
+    leaves = [
+        j
+        for j in range(1, model.njoints)
+        if j not in in_hand and all(c in in_hand for c in children[j])
+    ]
+    frames: dict[int, list[pin.Frame]] = {}
+    for frame in model.frames:
+        frames.setdefault(int(frame.parentJoint), []).append(frame)
+    found = []
+    for leaf in leaves:
+        beyond = [model.names[j] for j in _below(leaf, children)]
+        path = joint_path(model, leaf)
+        tip = _best_frame(model, leaf, frames.get(leaf, []))
+        found.append(Candidate(leaf, path, tip, tuple(beyond)))
+    return found
+
+
+def _hand_joints(model: pin.Model, children: list[list[int]], mimics: Collection[str]) -> set[int]:
+    """Joints that belong to a gripper or hand, with all that hangs on them."""
+    bodies: dict[int, str] = {}
+    for frame in model.frames:
+        if frame.type == pin.FrameType.BODY:
+            bodies.setdefault(int(frame.parentJoint), frame.name)
+    jaws: set[int] = set()
+    for siblings in children:
+        # Several leaves side by side of which one follows: jaws. A lone one is the last joint.
+        leaves = [j for j in siblings if not children[j]]
+        if len(leaves) > 1 and any(model.names[j] in mimics for j in leaves):
+            jaws.update(leaves)
+    depth = _depths(children)
+    rank = [0] * model.njoints
+    hand: set[int] = set()
+    for joint in range(1, model.njoints):
+        name = model.names[joint]
+        parent = int(model.parents[joint])
+        rank[joint] = rank[parent] + 1
+        inherited = parent in hand
+        # A link called gripper is often what the last wrist joint carries: links go by fingers.
+        named = bool(_HAND.search(name) or _FINGER.search(bodies.get(joint, "")))
+        # Something called a hand that no arm carries, and with an arm's worth of joints in a
+        # row, is an arm.
+        if inherited or joint in jaws or (named and (rank[joint] > ARM_JOINTS or depth[joint] < 6)):
+            hand.add(joint)
+    return hand
+
+
+def _below(joint: int, children: list[list[int]]) -> list[int]:
+    return sorted(j for child in children[joint] for j in (child, *_below(child, children)))
+
+
+def _depths(children: list[list[int]]) -> list[int]:
+    """Joints in a row from each one outwards, itself included; parents come before children."""
+    depth = [1] * len(children)
+    for joint in reversed(range(len(children))):
+        depth[joint] = 1 + max((depth[c] for c in children[joint]), default=0)
+    return depth
+
+
+def frame_index(model: pin.Model, name: str) -> int:
+    """Return the index of a frame, a link's before a joint's; UnknownNameError if there is none."""
+    found = [i for i, f in enumerate(model.frames) if f.name == name]
+    if not found:
+        raise UnknownNameError("frame", name, [f.name for f in model.frames])
+    return next((i for i in found if model.frames[i].type in _LINK_KINDS), found[0])
+
+
+def tip_frames(model: pin.Model, joint: int) -> list[pin.Frame]:
+    """Frames of links that are fixed to the last link of a chain."""
+    return [f for f in model.frames if f.parentJoint == joint and f.type in _LINK_KINDS]
+
+
+def choose_tip(model: pin.Model, joint: int) -> str:
+    """Return the frame of the last link with a usual tool name, else the farthest one."""
+    return _best_frame(model, joint, [f for f in model.frames if f.parentJoint == joint])
+
+
+def _best_frame(model: pin.Model, joint: int, frames: list[pin.Frame]) -> str:
+    """Name of the frame to take of all that are fixed to a link."""
+    frames = [f for f in frames if f.type in _LINK_KINDS] or frames
+    ChainError.refuse_if(
+        not frames, f"joint {model.names[joint]!r} carries no frame: add one and name it"
+    )
+    ways = ([f for f in frames if re.search(p, f.name, re.IGNORECASE)] for p in _TOOL_NAMES)
+    frames = next(filter(None, ways), frames)
+    distance = [float(np.linalg.norm(f.placement.translation)) for f in frames]
+    best = max(range(len(frames)), key=lambda i: (round(distance[i], 9), -i))
+    return str(frames[best].name)
+
+
+def choose_chain(
+    found: Sequence[Candidate], label: str, model: pin.Model, mimics: Collection[str] = ()
+) -> tuple[Candidate, list[str]]:
+    """Return the only arm among candidates, and notes; ChainError with commands if not one."""
+    ChainError.refuse_if(
+        not found, f"{label}: the robot has no movable joint, so there is nothing to analyse"
+    )
+    arms = [c for c in found if c.length(model) >= ARM_JOINTS] or list(found)
+    if len(arms) > 1:
+        lines = ", ".join(f"--tip {quote(c.tip)} ({c.length(model)} joints)" for c in arms[:8])
+        more = f" and {len(arms) - 8} more" if len(arms) > 8 else ""
+        raise ChainError(
+            f"{label}: {len(arms)} chains could be the arm; choose one: {lines}{more}; "
+            f"in Python load(..., tip={arms[0].tip!r})",
+            tips=tuple(c.tip for c in arms),
+            lengths=tuple(c.length(model) for c in arms),
+            chains=arm_chains(model, mimics),
+        )
+    chosen = arms[0]
+    notes = []
+    others = [c for c in found if c is not chosen]
+    if others:
+        names = ", ".join(f"{c.tip} ({c.length(model)})" for c in others[:6])
+        more = f" and {len(others) - 6} more" if len(others) > 6 else ""
+        notes.append(f"chains with fewer joints were passed over: {names}{more}")
+    if chosen.passed_over:
+        beyond = chosen.passed_over
+        more = f" and {len(beyond) - 4} more" if len(beyond) > 4 else ""
+        notes.append(f"locked beyond the tip: {', '.join(beyond[:4])}{more}")
+    same_link = [f.name for f in tip_frames(model, chosen.last) if f.name != chosen.tip]
+    if same_link:
+        notes.append(
+            f"tip {chosen.tip} (on the same link: {', '.join(same_link[:3])}"
+            f"{', ...' * (len(same_link) > 3)}): the choice does not affect pose singularities"
+        )
+    return chosen, notes
+
+
+LONGEST = 9
+"""More joints than this are offered as sub-chains: an arm without the torso that carries it."""
+SHORTEST = 2
+
+
+@dataclass(frozen=True)
+class Way:
+    """Joints of a tree between two bodies."""
+
+    up: tuple[int, ...]  # from the base to the body that the ways from the root to both share
+    down: tuple[int, ...]  # from there to the tip
+    before: tuple[int, ...]  # from the root to there
+
+    @property
+    def path(self) -> tuple[int, ...]:
+        """All joints from the base to the tip."""
+        return (*self.up, *self.down)
+
+    def told(self, model: pin.Model) -> Iterator[str]:
+        """Return the notes on joints before the chain, and on those traversed backwards."""
+
+        def names(joints: tuple[int, ...]) -> str:
+            return ", ".join(model.names[j] for j in joints)
+
+        if not self.up:
+            if self.before:
+                yield f"joints before the base are locked: {names(self.before)}"
+            return
+        then = f", then {names(self.down)}" if self.down else ""
+        yield (
+            f"from the base towards the root, so traversed backwards: {names(self.up)}{then}; "
+            "values, signs and limits are those of the robot, in this order"
+        )
+        if self.before:
+            yield f"joints nearer the root do not matter to this chain: {names(self.before)}"
+        if len(self.path) > LONGEST:
+            yield f"{len(self.path)} joints are many: the closed forms may not be complete in time"
+
+
+def way_between(model: pin.Model, start: int, end: int) -> Way:
+    """The way between the bodies of two joints, given by index; 0 is the root."""
+    before, after = joint_path(model, start), joint_path(model, end)
+    shared = 0
+    while shared < min(len(before), len(after)) and before[shared] == after[shared]:
+        shared += 1
+    return Way(before[shared:][::-1], after[shared:], before[:shared])
+
+
+@dataclass(frozen=True)
+class Subchain:
+    """A chain that can be analysed."""
+
+    tip: str
+    base: str | None  # None: the root
+    joints: tuple[str, ...]  # base to tip, mimic joints included
+    passed_over: tuple[str, ...] = ()  # gripper joints beyond the tip
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """Words of the command line that choose it."""
+        return ("--tip", self.tip, *(() if self.base is None else ("--base", self.base)))
+
+
+def arm_chains(model: pin.Model, mimics: Collection[str] = ()) -> tuple[Subchain, ...]:
+    """Return the chains to offer to a user: arms, legs and heads, without fingers."""
+    # Each from the root; and without joints shared with others.
+    children = _children(model)
+    found: list[Subchain] = []
+    for candidate in candidates(model, mimics):
+        for start in dict.fromkeys([0, *_branchings(model, children, candidate.last)[-1:]]):
+            joints = _moving(model, joint_path(model, candidate.last, start))
+            if start == 0 or len(joints) >= SHORTEST:
+                base = None if start == 0 else _link_of(model, start)
+                found.append(Subchain(candidate.tip, base, joints, candidate.passed_over))
+    return tuple(found)
+
+
+def long_chain_note(model: pin.Model, end: int, start: int = 0) -> str:
+    """Return a note on a chain of more than ``LONGEST`` joints, with shorter ones; else ""."""
+    count = len(_moving(model, joint_path(model, end, start)))
+    if count <= LONGEST:
+        return ""
+    shorter = []
+    for joint in _branchings(model, _children(model), end):
+        left = len(_moving(model, joint_path(model, end, joint)))
+        if SHORTEST <= left < count and joint in joint_path(model, end, start):
+            shorter.append(f"--base {_link_of(model, joint)} ({left} joints)")
+    offer = f"; without joints shared with other chains: {', '.join(shorter)}" if shorter else ""
+    return f"{count} joints are many: the closed forms may not be complete in time{offer}"
+
+
+def chains_text(chains: Sequence[Subchain], robot: str) -> str:
+    """Return chains as a tree, with commands; ``robot``: as it is typed, with common options."""
+    whole = [c for c in chains if c.base is None]
+    parts = {c.tip: c for c in chains if c.base is not None}
+    return "\n".join(["(root)", *_branches(whole, parts, 0, "", robot)])
+
+
+def _branches(
+    chains: Sequence[Subchain], parts: dict[str, Subchain], depth: int, indent: str, robot: str
+) -> Iterator[str]:
+    """Yield what hangs below the first ``depth`` joints, which the chains share."""
+    groups: dict[str, list[Subchain]] = {}
+    for chain in chains:
+        groups.setdefault("".join(chain.joints[depth : depth + 1]), []).append(chain)
+    for number, group in enumerate(groups.values(), 1):
+        bar, below = ("└─ ", "   ") if number == len(groups) else ("├─ ", "│  ")
+        first, deeper = group[0], indent + below
+        if len(group) > 1:
+            alike = (
+                len(set(names)) == 1 for names in zip(*(c.joints for c in group), strict=False)
+            )
+            shared = sum(itertools.takewhile(bool, alike))
+            yield f"{indent}{bar}{_run(first.joints[depth:shared])}"
+            yield from _branches(group, parts, shared, deeper, robot)
+            continue
+        yield f"{indent}{bar}{_run(first.joints[depth:])} -> {first.tip}"
+        for one in filter(None, (first, parts.get(first.tip))):
+            count, options = len(one.joints), " ".join(map(quote, one.options))
+            long = (
+                f"  (more than {LONGEST}: closed forms may not end in time; "
+                "rather without the shared joints)"
+            ) * (one is first and count > LONGEST)
+            many = "s" * (count != 1)
+            yield f"{deeper}{count} joint{many}: pinsing analyze {robot} {options}{long}"
+        if first.passed_over:
+            yield f"{deeper}locked beyond it: {_run(first.passed_over)}"
+
+
+def _run(names: Sequence[str]) -> str:
+    """Names of joints in a row, the middle ones left out."""
+    if not names:
+        return "(here)"
+    return ", ".join(names) if len(names) <= 2 else f"{names[0]} ... {names[-1]} ({len(names)})"
+
+
+def _children(model: pin.Model) -> list[list[int]]:
+    children: list[list[int]] = [[] for _ in range(model.njoints)]
+    for joint in range(1, model.njoints):
+        children[model.parents[joint]].append(joint)
+    return children
+
+
+def _branchings(model: pin.Model, children: list[list[int]], end: int) -> list[int]:
+    """Joints on the way to ``end`` that carry more than one joint, root side first."""
+    return [j for j in joint_path(model, end) if j != end and len(children[j]) > 1]
+
+
+def _moving(model: pin.Model, path: Sequence[int]) -> tuple[str, ...]:
+    return tuple(model.names[j] for j in path if model.joints[j].nv == 1)
+
+
+def _link_of(model: pin.Model, joint: int) -> str:
+    """Name of the frame that stands for the link that a joint moves: the body nearest to it."""
+    frames = tip_frames(model, joint) or [f for f in model.frames if f.parentJoint == joint]
+    bodies = [f for f in frames if f.type == pin.FrameType.BODY] or frames
+    return str(min(bodies, key=lambda f: float(abs(f.placement.translation).max())).name)
+
 
 _Z = np.eye(3)[2]
 
@@ -74,6 +422,18 @@ def leader_of(name: str, mimics: Mapping[str, Follow]) -> Follow:
         further, m, o = mimics[leader]
         leader, multiplier, offset = further, multiplier * m, multiplier * o + offset
     return leader, multiplier, offset
+
+
+@dataclass(frozen=True, eq=False)
+class Coupling:
+    """Mimic joints inside the chain: model joints = ``matrix @ q + offset``."""
+
+    matrix: Array  # (nv, n)
+    offset: Array  # (nv,), radians or metres
+
+    def values(self, q: Array) -> Array:
+        """Values (..., nv) of the model's joints, of those (..., n) of the free ones."""
+        return np.asarray(q @ self.matrix.T + self.offset)
 
 
 def couple(
@@ -237,23 +597,32 @@ def _store() -> BinaryIO:
     return cast("BinaryIO", tempfile.TemporaryFile())
 
 
-def lock_joints(model: pin.Model, lock: Sequence[int], reference: Array) -> pin.Model:
-    """Return a copy of ``model`` without the joints to lock, which stand as in ``reference`` (nq,).
+def lock_joints(
+    model: pin.Model, lock: Sequence[int], reference: Array, geometry: pin.GeometryModel
+) -> tuple[pin.Model, pin.GeometryModel]:
+    """Return a model and its geometry without joints to lock, which are as in ``reference`` (nq,).
 
     Pinocchio's ``buildReducedModel`` finds a joint's frame by name alone: so each joint gets a
-    frame before all others, and meanwhile frames that share a name get unique ones.
+    frame, and meanwhile frames have numbers for names.
     """
     model = model.copy()
     if not lock:
-        return model
-    _add_missing_joint_frames(model)
-    original = make_names_unique(model)
-    reduced = pin.buildReducedModel(model, list(lock), reference)
+        return model, geometry
+    for joint in range(1, model.njoints):
+        if not model.existFrame(model.names[joint], pin.FrameType.JOINT):
+            model.addJointFrame(joint, 0)
+    names = [frame.name for frame in model.frames]
+    for number, frame in enumerate(model.frames):
+        own = frame.type == pin.FrameType.JOINT and frame.name == model.names[frame.parentJoint]
+        if own:
+            model.names[frame.parentJoint] = f"{number}"
+        frame.name = f"{number}"
+    reduced, geometry = pin.buildReducedModel(model, geometry, list(lock), reference)
     for joint in range(1, reduced.njoints):
-        reduced.names[joint] = original.get(reduced.names[joint], reduced.names[joint])
-    for frame in reduced.frames:
-        frame.name = original.get(frame.name, frame.name)
-    return reduced
+        reduced.names[joint] = names[int(reduced.names[joint])]
+    for frame in list(reduced.frames)[1:]:
+        frame.name = names[int(frame.name)]
+    return reduced, geometry
 
 
 def reroot(model: pin.Model, base: str) -> None:
@@ -265,41 +634,6 @@ def reroot(model: pin.Model, base: str) -> None:
     for frame in model.frames:
         if frame.parentJoint == 0:
             frame.placement = back * frame.placement
-
-
-def _add_missing_joint_frames(model: pin.Model) -> None:
-    missing = [
-        joint
-        for joint in range(1, model.njoints)
-        if not model.existFrame(model.names[joint], pin.FrameType.JOINT)
-    ]
-    if not missing:
-        return
-    for joint in missing:
-        model.addJointFrame(joint, 0)
-    universe, *others = (pin.Frame(frame) for frame in model.frames)
-    others.sort(key=lambda frame: frame.type != pin.FrameType.JOINT)  # stable
-    for index, frame in enumerate([universe, *others]):
-        frame.parentFrame = 0  # the indices have changed, and nothing here needs them
-        model.frames[index] = frame
-
-
-def make_names_unique(model: pin.Model) -> dict[str, str]:
-    """Make names of frames, and of their joints, unique; return the old name of each new one."""
-    count = Counter(frame.name for frame in model.frames)
-    original: dict[str, str] = {}
-    for index, frame in enumerate(model.frames):
-        old = frame.name
-        if count[old] == 1:
-            continue
-        new = f"{old} ({index})"
-        while new in count or new in original:
-            new += "'"
-        original[new] = old
-        frame.name = new
-        if frame.type == pin.FrameType.JOINT and model.names[frame.parentJoint] == old:
-            model.names[frame.parentJoint] = new
-    return original
 
 
 def turned_round(
@@ -316,7 +650,7 @@ def turned_round(
     while joint:
         carried[joint] = carrier, place
         back, turn = _opposite(model, joint)
-        carrier = _add(out, carrier, back, place * turn, model, joint)
+        carrier = add_joint(out, carrier, back, place * turn, model, joint)
         place = (model.jointPlacements[joint] * turn).inverse()
         joint = int(model.parents[joint])
     carried[0] = carrier, place
@@ -325,7 +659,7 @@ def turned_round(
             continue
         carrier, place = carried[int(model.parents[joint])]
         place = place * model.jointPlacements[joint]
-        number = _add(out, carrier, model.joints[joint], place, model, joint)
+        number = add_joint(out, carrier, model.joints[joint], place, model, joint)
         carried[joint] = number, pin.SE3.Identity()
     if tip is not None:
         end = model.frames[tip]
@@ -334,7 +668,7 @@ def turned_round(
     return out, carried
 
 
-def _add(
+def add_joint(
     out: pin.Model, parent: int, joint: pin.JointModel, place: pin.SE3, model: pin.Model, index: int
 ) -> int:
     """Add a joint with the name and limits that one of ``model`` has."""
@@ -342,6 +676,8 @@ def _add(
     q, v = slice(here.idx_q, here.idx_q + here.nq), slice(here.idx_v, here.idx_v + here.nv)
     effort, speed = model.effortLimit[v], model.velocityLimit[v]
     low, high = model.lowerPositionLimit[q], model.upperPositionLimit[q]
+    if here.nq != joint.nq:  # an angle in place of its cosine and sine
+        low, high = np.full(joint.nq, -np.inf), np.full(joint.nq, np.inf)
     number = int(out.addJoint(parent, joint, place, model.names[index], effort, speed, low, high))
     out.addJointFrame(number)
     return number

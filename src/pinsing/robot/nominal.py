@@ -33,7 +33,7 @@ from pinsing.errors import OptionError
 from pinsing.measures import FLOAT_NOISE, ROUNDING, SEED, Array, Chain
 from pinsing.notebook import one_line
 from pinsing.robot.arm import Arm
-from pinsing.robot.models import axis_rotation, joint_axis
+from pinsing.robot.models import add_joint, axis_rotation, joint_axis
 from pinsing.robot.surd import Exact, Surd, cosine, residue, sine
 from pinsing.robot.task import Task
 
@@ -123,26 +123,13 @@ def _frozen(chain: Chain) -> Chain:
 
 def chain_model(chain: Chain, arm: Arm) -> pin.Model:
     """Build a Pinocchio model of ``chain`` with the joint names, limits and tip of ``arm``."""
-    model = pin.Model()
+    model, last = pin.Model(), 0
     model.name = arm.name
-    parent = 0
-    names = list(arm.model.names)[1:]
-    source = arm.model
-    for i, name in enumerate(names):
-        kind = pin.JointModelPZ() if chain.prismatic[i] else pin.JointModelRZ()
-        placement = pin.SE3(chain.R[i], chain.t[i])
-        joint = source.joints[i + 1]
-        if joint.nq == 1:
-            low = source.lowerPositionLimit[joint.idx_q : joint.idx_q + 1]
-            high = source.upperPositionLimit[joint.idx_q : joint.idx_q + 1]
-        else:
-            low, high = np.array([-np.inf]), np.array([np.inf])
-        effort = source.effortLimit[joint.idx_v : joint.idx_v + 1]
-        speed = source.velocityLimit[joint.idx_v : joint.idx_v + 1]
-        parent = model.addJoint(parent, kind, placement, name, effort, speed, low, high)
-        model.addJointFrame(parent)
+    for i, slides in enumerate(chain.prismatic):
+        kind = pin.JointModelPZ() if slides else pin.JointModelRZ()
+        last = add_joint(model, last, kind, pin.SE3(chain.R[i], chain.t[i]), arm.model, i + 1)
     tip = pin.SE3(chain.R[-1], chain.t[-1])
-    model.addFrame(pin.Frame(arm.tip, parent, 0, tip, pin.FrameType.OP_FRAME))
+    model.addFrame(pin.Frame(arm.tip, last, 0, tip, pin.FrameType.OP_FRAME))
     return model
 
 

@@ -21,9 +21,8 @@ import umsgpack
 from pinsing.description.ros_packages import ColladaProblem, image_references
 from pinsing.measures import Array
 from pinsing.robot.arm import Arm
-from pinsing.robot.chains import frame_index
 from pinsing.robot.mechanism import Mechanism
-from pinsing.robot.models import make_names_unique, turned_round
+from pinsing.robot.models import frame_index, lock_joints, turned_round
 from pinsing.view.collada import Painted, as_object
 from pinsing.view.meshes import Mesh, read_geometry
 
@@ -223,12 +222,9 @@ def _read_links(arm: Arm | Mechanism) -> Links:
         said = f"its meshes cannot be read, so a skeleton stands for it: {reason}"
         return Links(None, (*absent, said))
     notes = (*absent, *notes)
-    full = source.full_model.copy()
-    base = frame_index(full, source.base)
-    original = make_names_unique(full)  # as `lock_joints` does
-    reduced, geometry = pin.buildReducedModel(full, whole, list(source.locked), source.reference)
-    named = full.frames[base].name
-    base = next((i for i, f in enumerate(reduced.frames) if f.name == named), 0)
+    where = source.full_model, source.locked, source.reference
+    reduced, geometry = lock_joints(*where, whole)
+    base = frame_index(reduced, source.base)
     if reduced.frames[base].parentJoint:
         _, carried = turned_round(reduced, base)
         for g in geometry.geometryObjects:
@@ -238,9 +234,8 @@ def _read_links(arm: Arm | Mechanism) -> Links:
     back = base_placement(arm).inverse()
     for g in geometry.geometryObjects:
         joint = int(g.parentJoint)
-        name = reduced.names[joint]
         # Joints are found again by name: the arm has them in an order of its own.
-        g.parentJoint = arm.model.getJointId(original.get(name, name)) if joint else 0
+        g.parentJoint = arm.model.getJointId(reduced.names[joint]) if joint else 0
         if not joint:
             g.placement = back * g.placement
     return Links(geometry, notes, meshes)
