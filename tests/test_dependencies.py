@@ -35,7 +35,7 @@ PROVIDER = {
     "pil": "pillow", "pinocchio": "pin", "umsgpack": "u-msgpack-python", "yaml": "pyyaml",
 }  # fmt: skip
 # Imported by a call of import_module, which the walk does not see.
-BY_NAME = {"example-robot-data": "files alone", "meshcat": "pinsing.view.links"}
+BY_NAME = {"example-robot-data": "files alone", "meshcat": "pinsing.view.scene"}
 
 
 @pytest.mark.skipif(not OLDEST.exists(), reason="not a checkout of the repository")

@@ -22,8 +22,8 @@ from pinsing.families.at_once import JointForm, expressions, joint_form
 from pinsing.kinematics.jacobian import ratios
 from pinsing.notebook import mathml
 from pinsing.robot.surd import exact_of, exact_text, surd
-from pinsing.view.entries import engine_data, family_entries
 from pinsing.view.scene import sizes
+from pinsing.view.viewer import engine_data, family_entries
 
 DH = {
     "crx": CRX, "gofa": GOFA,

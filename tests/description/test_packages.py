@@ -12,7 +12,7 @@ from pinsing.description.ros_packages import PackageIndex
 from pinsing.description.urdf import read_description
 from pinsing.errors import RobotFileError
 from pinsing.robot.models import build_model
-from pinsing.view.links import read_links
+from pinsing.view.scene import read_links
 
 
 def mesh_robot(*names: str) -> str:

@@ -19,8 +19,8 @@ from pinsing.errors import OptionError
 from pinsing.kinematics.jacobian import own_jacobians_and_derivatives, tip_placement, tip_rotations
 from pinsing.proof.checker import Rejected, verify
 from pinsing.robot.task import parse_task
-from pinsing.view.entries import engine_data
 from pinsing.view.scene import sizes
+from pinsing.view.viewer import engine_data
 
 AXES = {"tool-axis": 2, "tool-axis-x": 0, "tool-axis-y": 1}
 

@@ -13,8 +13,8 @@ from urdf_text import J, X, Y, Z, urdf
 import pinsing
 from pinsing.errors import ChainError, JointError
 from pinsing.kinematics.jacobian import tip_placement
-from pinsing.view.links import read_links
 from pinsing.view.meshes import read_geometry
+from pinsing.view.scene import read_links
 
 
 def tree(more: str = "") -> str:

@@ -12,8 +12,8 @@ import pinsing
 from pinsing.description import ros_packages as references
 from pinsing.view import collada as collada_reader, meshes
 from pinsing.view.collada import NotPlainError, Painted, as_object, read_collada
-from pinsing.view.links import Recorder, draw_links, read_links
 from pinsing.view.meshes import Mesh, read_meshes
+from pinsing.view.scene import Recorder, draw_links, read_links
 
 pytestmark = pytest.mark.filterwarnings("ignore:the matrix subclass")  # pycollada's
 

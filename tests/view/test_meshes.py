@@ -13,8 +13,8 @@ from urdf_texts import LIMIT, joint
 
 from pinsing import load
 from pinsing.view import meshes
-from pinsing.view.links import read_links
 from pinsing.view.meshes import Mesh, read_meshes
+from pinsing.view.scene import read_links
 
 NAN, INF = float("nan"), float("inf")
 ROBOT = '<robot name="r">{}</robot>'
@@ -270,7 +270,7 @@ def test_a_cache_that_others_may_write_is_not_used(tmp_path, monkeypatch):
 
 
 def test_a_texture_is_an_image_from_beside_the_mesh(tmp_path: Path) -> None:
-    from pinsing.view.links import _textures
+    from pinsing.view.scene import _textures
 
     inside = tmp_path / "robot" / "meshes"
     inside.mkdir(parents=True)

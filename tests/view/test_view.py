@@ -31,12 +31,10 @@ from pinsing.measures import pure_ellipsoids, velocity_ellipsoid
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.sampling.analyze import analyze
-from pinsing.view import Viewer
-from pinsing.view.entries import Entry, family_entries, finding_entries
-from pinsing.view.links import Recorder, base_placement, read_links
-from pinsing.view.scene import FLATTEST, LEAST, draw_scene, drawn_radii, full_configuration, sizes
+from pinsing.view import Viewer, scene
 from pinsing.view.server import is_loopback
 from pinsing.view.trajectory import dropped
+from pinsing.view.viewer import Entry, family_entries, finding_entries
 
 ARMS = ["stanford", "puma560", "surgical7", "irb1400", "iiwa14", "scara"]
 
@@ -46,7 +44,7 @@ def entries_of(name: str) -> tuple[Arm, tuple[Entry, ...]]:
     return arm, family_entries(arm, closed_form(arm).families)
 
 
-def commands(recorder: Recorder) -> list[dict[str, Any]]:
+def commands(recorder: scene.Recorder) -> list[dict[str, Any]]:
     return [umsgpack.unpackb(c) for _, c in recorder.commands]
 
 
@@ -77,18 +75,20 @@ def test_pure_ellipsoid_bounds_the_motions_that_leave_the_rest_alone(rng):
 
 def test_sizes_of_what_is_drawn():
     radii = np.array([2.0, 1.0, 0.0])
-    drawn = drawn_radii(radii, 0.5, reach=1.0)
-    assert drawn == pytest.approx([1.0, 0.5, FLATTEST])
+    drawn = scene.drawn_radii(radii, 0.5, reach=1.0)
+    assert drawn == pytest.approx([1.0, 0.5, scene.FLATTEST])
     assert radii[2] == 0.0
-    assert drawn_radii(np.zeros(3), 1.0, reach=1.0) == pytest.approx([0, 0, 0])
+    assert scene.drawn_radii(np.zeros(3), 1.0, reach=1.0) == pytest.approx([0, 0, 0])
     line = np.array([2.0, 0.0, 0.0])
-    assert drawn_radii(line, 0.05, reach=1.0) == pytest.approx([0.1, LEAST, LEAST])
-    assert drawn_radii(line, 0.005, reach=1.0) == pytest.approx([0.01, 0.001, 0.001])
+    assert scene.drawn_radii(line, 0.05, reach=1.0) == pytest.approx(
+        [0.1, scene.LEAST, scene.LEAST]
+    )
+    assert scene.drawn_radii(line, 0.005, reach=1.0) == pytest.approx([0.01, 0.001, 0.001])
     # One that is no thinner than that is drawn as it is.
     full = np.array([2.0, 1.0, 0.9])
-    assert drawn_radii(full, 0.05, reach=1.0) == pytest.approx(0.05 * full)
+    assert scene.drawn_radii(full, 0.05, reach=1.0) == pytest.approx(0.05 * full)
     arm = textbook("puma560")
-    one, two = sizes(arm), sizes(arm, 2.0)
+    one, two = scene.sizes(arm), scene.sizes(arm, 2.0)
     assert two.translation == pytest.approx(2 * one.translation)
     assert two.rotation == pytest.approx(2 * one.rotation)
     assert 0.5 < one.reach < 2.5
@@ -124,9 +124,9 @@ def test_findings_of_a_sweep_are_listed() -> None:
 
 def test_the_scene_has_every_node_that_frames_place() -> None:
     arm = textbook("surgical7")
-    recorder = Recorder()
-    links = read_links(load("surgical7"))
-    notes = draw_scene(recorder.visualizer(), arm, links, sizes(arm), [arm.tip_id])
+    recorder = scene.Recorder()
+    links = scene.read_links(load("surgical7"))
+    notes = scene.draw_scene(recorder.visualizer(), arm, links, scene.sizes(arm), [arm.tip_id])
     assert notes == ()
     paths = {c["path"] for c in commands(recorder)}
     for j in range(1, arm.model.njoints):
@@ -146,17 +146,17 @@ UPPER = {"robot": "ur5", "base": "upper_arm_link"}
 @pytest.mark.parametrize("robot", tiered(["ur5", "panda", "talos_arm", UPPER], (UPPER,)), ids=str)
 def test_links_stand_where_the_whole_robot_has_them(robot: str | dict[str, str]) -> None:
     arm = load(**robot) if isinstance(robot, dict) else load(robot)
-    links = read_links(arm)
+    links = scene.read_links(arm)
     assert links.geometry is not None
     whole = pin.buildGeomFromUrdfString(arm.source.full_model, arm.source.xml, pin.VISUAL)
     q = np.random.default_rng(2).uniform(*arm.span)
     full, full_geometry = arm.source.full_model.createData(), whole.createData()
     pin.updateGeometryPlacements(
-        arm.source.full_model, full, whole, full_geometry, full_configuration(arm, q)
+        arm.source.full_model, full, whole, full_geometry, scene.full_configuration(arm, q)
     )
     data, geometry = arm.model.createData(), links.geometry.createData()
     pin.updateGeometryPlacements(arm.model, data, links.geometry, geometry, arm.model_q(q))
-    back = base_placement(arm).inverse()
+    back = scene.base_placement(arm).inverse()
     for i, g in enumerate(links.geometry.geometryObjects):
         there = full_geometry.oMg[whole.getGeometryId(g.name)]
         assert (back * there).isApprox(geometry.oMg[i], 1e-9)
@@ -224,7 +224,7 @@ def test_next_to_a_users_own_visualizer() -> None:
     from pinocchio.visualize import MeshcatVisualizer
 
     arm = ur5()
-    recorder = Recorder()
+    recorder = scene.Recorder()
     visualizer = MeshcatVisualizer(arm.model, None, pin.GeometryModel())
     visualizer.initViewer(viewer=recorder.visualizer())
     visualizer.loadViewerModel()
@@ -238,10 +238,10 @@ def test_next_to_a_users_own_visualizer() -> None:
     link = np.reshape(moved["/pinsing/arm/6"]["matrix"], (4, 4)).T[:3, 3]
     np.testing.assert_allclose(visualizer.data.oMi[6].translation, link, atol=1e-9)
     J, shown = frame_jacobian(arm, viewer.q), moved["/pinsing/ellipsoid/translation"]["matrix"]
-    (ellipsoid, _), scale = pure_ellipsoids(J), sizes(arm)
+    (ellipsoid, _), scale = pure_ellipsoids(J), scene.sizes(arm)
     drawn = np.linalg.norm(np.reshape(shown, (4, 4)), axis=1)[:3]
     np.testing.assert_allclose(
-        drawn, drawn_radii(ellipsoid.radii, scale.translation, scale.reach), rtol=1e-6
+        drawn, scene.drawn_radii(ellipsoid.radii, scale.translation, scale.reach), rtol=1e-6
     )
     assert viewer._server is None
     with pytest.raises(OptionError, match="initViewer"):

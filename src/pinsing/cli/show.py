@@ -612,7 +612,7 @@ def view_command(
         page = served_ahead(arm.name, host, port, no_open)
         server = stack.enter_context(page) if live and not late else None
         # Half a second of imports, which the browser does not wait for.
-        from pinsing.view.links import read_links_ahead
+        from pinsing.view.scene import read_links_ahead
 
         if not skeleton:
             read_links_ahead(arm)  # a child process reads them meanwhile

@@ -29,18 +29,18 @@ from pinsing.loops.solve import (
 )
 from pinsing.measures import ALIKE, NEAR_RTOL, ROUNDING, SINGULAR_RTOL, Array, ArrayLike
 from pinsing.robot.mechanism import Mechanism, closing
-from pinsing.view.entries import chain_data, frame_data, joint_data, sizes_data
-from pinsing.view.links import geometry as mg
 from pinsing.view.scene import (
     HOT,
     ROTATION,
     Sizes,
     Torus,
+    geometry as mg,
     raised,
     ring_arrow,
     straight_arrow,
 )
 from pinsing.view.tab import SIDE, Tab
+from pinsing.view.viewer import chain_data, frame_data, joint_data, sizes_data
 
 SCHEMA = "pinsing/mechanism-engine/1"
 

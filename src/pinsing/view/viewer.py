@@ -1,38 +1,430 @@
-"""Viewer: singular poses, ellipsoids and lost motions of an arm, in a browser tab."""
+"""Viewer: an arm in a browser tab, and what its page lists and computes from.
+
+Families, findings or single configurations, each with its poses, ellipsoids and lost motions.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pinocchio as pin
 
+from pinsing.algebra.conditions import weighted_sum
+from pinsing.algebra.equation import Equation
 from pinsing.arguments import checked, shown
 from pinsing.errors import ArgumentError, OptionError
-from pinsing.families import Family, joint_symbols
+from pinsing.families import Branch, Family, JointValue, joint_symbols
+from pinsing.families.describe import telling_poses
 from pinsing.families.form import coverage_words
 from pinsing.families.tube import Tube
-from pinsing.kinematics.jacobian import frame_jacobians
-from pinsing.measures import SINGULAR_RTOL, Array, ArrayLike, pure_ellipsoids
+from pinsing.kinematics.at import never_produced
+from pinsing.kinematics.jacobian import (
+    NEAR_RTOL,
+    SINGULAR_RTOL,
+    frame_jacobians,
+    generic_rank,
+    own_scale,
+    task_size,
+)
+from pinsing.kinematics.lost_motion import arm_centres, moving_columns
+from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge
+from pinsing.measures import Array, ArrayLike, Bool, Reachability, pure_ellipsoids
 from pinsing.proximity.zones import Zones, zone_distances
 from pinsing.robot.arm import Arm, summarize
+from pinsing.robot.models import joint_axis
+from pinsing.robot.nominal import nominal
 from pinsing.sampling.generalize import Finding
-from pinsing.view.entries import (
-    Entry,
-    engine_data,
-    family_entries,
-    finding_entries,
-    listed_postures,
-    pose_entries,
-)
-from pinsing.view.links import read_links_ahead
-from pinsing.view.scene import Overlay, sizes
+from pinsing.view.scene import FLATTEST, LEAST, SLIM, Overlay, Sizes, read_links_ahead, sizes
 from pinsing.view.tab import Tab
 
 if TYPE_CHECKING:
     from pinsing.postures.changes import PostureChanges
     from pinsing.proximity.suggestion import Suggestion
+
+_LONGEST = 72
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """A line of the list: a family or a configuration, with the poses to step through.
+
+    Attributes
+    ----------
+    name : str
+        ``F1``, or ``P1`` for a configuration.
+    text : str
+        The condition.
+    poses : tuple of (n,) arrays
+        Configurations, none where nothing is within reach.
+    moved : tuple of int
+        Joints that the condition is about.
+    kind, reason : str
+        boundary, interior or undecided, of each piece where they differ; which axes line up.
+        Empty where not known.
+    codimension : int or None
+        Number of independent conditions.
+    reachable : bool or None
+        Whether the limits allow it; None where that is not known.
+    reach : str
+        In words, where they allow it with some of its joint values only; else empty.
+    family : Family or None
+        The family itself, where there is one.
+    """
+
+    name: str
+    text: str
+    poses: tuple[Array, ...]
+    moved: tuple[int, ...]
+    kind: str = ""
+    reason: str = ""
+    codimension: int | None = None
+    reachable: bool | None = True
+    reach: str = ""
+    family: Family | None = None
+
+
+def _value(value: float, slides: bool) -> str:
+    return f"{value:g} m" if slides else f"{round(math.degrees(value), 4):g}°"
+
+
+def family_entries(arm: Arm, families: Iterable[Family], poses: int = 3) -> tuple[Entry, ...]:
+    """List families of an arm, with up to ``poses`` telling configurations of each."""
+    families, out = tuple(families), []
+    for family in families:
+        others = [f for f in families if f is not family and f.real]
+        chosen = telling_poses(arm, family, poses, others)
+        kinds = {
+            "varies": "; ".join(map(str, family.kinds)),
+            "undecided": "boundary or interior: undecided",
+        }
+        out.append(
+            Entry(
+                name=family.name,
+                text=f"{family.title}: {family.text}" if family.title else family.text,
+                poses=chosen,
+                moved=tuple(i for i, name in enumerate(arm.joints) if name in family.joints),
+                kind=kinds.get(family.kind, family.kind),
+                reason=family.reason,
+                codimension=family.codimension,
+                reachable=True if chosen else family.is_reachable,
+                # What there is to say of the limits beside that they allow it, or do not.
+                reach="" if family.reach == family.reachability.words else family.reach,
+                family=family,
+            )
+        )
+    return tuple(out)
+
+
+def pose_entries(arm: Arm, configurations: Iterable[ArrayLike]) -> tuple[Entry, ...]:
+    """List single configurations."""
+    symbols = joint_symbols(arm)
+
+    def text(q: Array) -> str:
+        values = zip(symbols, q, arm.prismatic, strict=True)
+        return ", ".join(f"{s} = {_value(x, bool(p))}" for s, x, p in values)
+
+    every, given = tuple(range(arm.n)), (arm.check_one(q, "poses") for q in configurations)
+    return tuple(Entry(f"P{number}", text(q), (q,), every) for number, q in enumerate(given, 1))
+
+
+def _fixed_joints(name: str, text: str, arm: Arm, fixed: Mapping[str, float]) -> Family:
+    """The singular set of some joints at fixed values, the others anywhere within the limits."""
+    values = tuple(JointValue(arm.joints.index(j), float(x), False) for j, x in fixed.items())
+    return Family(
+        name=name,
+        text=text,
+        latex="",
+        branches=(Branch(values, ()),),
+        joints=tuple(fixed),
+        codimension=len(fixed),
+        proof="",
+        real=True,
+        reachability=Reachability.UNKNOWN,
+        witness=None,
+        generic=None,
+        rank=None,
+        lost=(),
+        kind="",
+        reason="",
+        raw_ratio=None,
+        lower=arm.lower,
+        upper=arm.upper,
+        prismatic=arm.prismatic,
+        length_scale=arm.length_scale,
+    )
+
+
+def finding_entries(arm: Arm, findings: Iterable[Finding]) -> tuple[Entry, ...]:
+    """List singular findings of a sweep, named S1, S2, ..."""
+    out = []
+    singular = [f for f in findings if f.status == "singular"]
+    for number, finding in enumerate(singular, 1):
+        name, text = f"S{number}", str(finding.condition)
+        condition = finding.condition
+        family = _fixed_joints(name, text, arm, condition.fixed) if condition.minimal else None
+        poses = () if family is None else telling_poses(arm, family, 3)
+        if not poses and finding.reachable:
+            poses = (np.array(finding.configuration.q),)
+        out.append(
+            Entry(
+                name=name,
+                text=text,
+                poses=poses,
+                moved=tuple(
+                    i for i, joint in enumerate(arm.joints) if joint in condition.depends_on
+                ),
+                kind=finding.configuration.kind,
+                codimension=len(condition.fixed) if condition.minimal else None,
+                reachable=True if poses else finding.reachable,
+                family=family,
+            )
+        )
+    return tuple(out)
+
+
+FRAMES = 160
+"""Poses of a way between two postures."""
+
+
+def listed_postures(arm: Arm, found: PostureChanges) -> tuple[dict[str, Any], ...]:
+    """Return postures in the order of `posture_changes`, the current one first, ready for JSON.
+
+    Each has ``q`` (n,), radians and metres, a ``name`` (words of the field, or its number), what
+    ``more`` there is to say (its aspect, and if it can be reached without a singularity), and the
+    ``way`` (K, n) to it from the first posture that is on no family, or None.
+    """
+    OptionError.refuse_if(
+        len(found.q) != arm.n, f"the postures are of {len(found.q)} joints; {arm.name} has {arm.n}"
+    )
+    here = "singular" if found.aspect is None else f"aspect {found.aspect}"
+    out = [_posture(found.q, found.names, 1, f"{here}: where it starts", None)]
+    for number, other in enumerate(found.others, 2):
+        s, way = other.solution, other.connection
+        path = None
+        if not s.regular:
+            said = "singular"
+        elif way is None:
+            said = "outside the limits" if not s.within_limits else "the start is singular"
+        elif way.path is not None:
+            path = fine(way.path, arm)
+            how = "without a singularity" if way.proven else "without meeting a known family"
+            said = f"aspect {other.aspect}: reached {how}"
+        elif other.answer == "different":
+            said = f"aspect {other.aspect}: only by way of a singularity, proven"
+        else:
+            said = "undecided"
+        out.append(_posture(s.q, other.names, number, said, path))
+    return tuple(out)
+
+
+def _posture(
+    q: Array, names: Sequence[str], number: int, more: str, way: Array | None
+) -> dict[str, Any]:
+    return {
+        "q": q.tolist(),
+        "name": ", ".join(names) or f"posture {number}",
+        "more": more,
+        "way": None if way is None else way.tolist(),
+    }
+
+
+def fine(path: Array, arm: Arm) -> Array:
+    """Poses along a polyline, evenly by its length, with its corners."""
+    weight = np.where(arm.prismatic, 1 / arm.length_scale, 1.0)
+    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0) * weight, axis=1)))
+    at = np.union1d(np.linspace(0.0, along[-1], FRAMES), along)
+    return np.stack([np.interp(at, along, column) for column in path.T], axis=1)
+
+
+SCHEMA = "pinsing/engine/1"
+
+
+def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, Any]:
+    """Return all that the page's engine needs to compute frames by itself, ready for JSON.
+
+    Keys: ``schema``; ``chain`` (placements of the model's joints, metres, and how each follows q)
+    and ``nominal``, the same of the nominal geometry where that differs; ``task`` (rows of the
+    frame Jacobian, which are in the tip's axes, length scale, generic rank, joints that ever move
+    it, task directions never produced, (k, 6)); ``judge`` (tolerances of the verdict, and the arm's
+    own scale); ``joints`` (limits, None where infinite); ``speeds`` (of `SpeedJudge`, and what is
+    asked); ``families`` (branches: joint values and equations as `equation_data`; ``confirm``: only
+    zeros at which the arm is singular count, and ``points`` are some); ``centres`` (joints whose
+    axes always meet, with a name); ``sizes``; ``design`` (families are of the design).
+    """
+    exact = nominal(arm)
+    found = never_produced(arm)
+    never = np.zeros((found.shape[1], 6))
+    never[:, list(arm.task.rows)] = found.T
+    return {
+        "schema": SCHEMA,
+        "chain": arm_chain(arm),
+        "nominal": None if exact.exact else arm_chain(exact.arm),
+        "task": {
+            "rows": list(arm.task.rows),
+            "atTip": list(arm.task.tip_rows),
+            "lengthScale": arm.length_scale,
+            "rank": generic_rank(arm),
+            "used": list(moving_columns(arm)),
+            "never": never.tolist(),
+        },
+        "judge": {
+            "rtol": SINGULAR_RTOL,
+            "nearRtol": NEAR_RTOL,
+            "size": task_size(arm),
+            "length": own_scale(arm).length,
+            "columns": own_scale(arm).columns.tolist(),
+        },
+        "joints": joint_data(arm.joints, arm.prismatic, arm.lower, arm.upper),
+        "speeds": _speeds(SpeedJudge(arm)),
+        "families": [
+            _family(index, entry, entry.family, joint_symbols(arm))
+            for index, entry in enumerate(entries)
+            if entry.family is not None and entry.family.branches
+        ],
+        "centres": [{"name": c.short, "joints": list(c.ids)} for c in arm_centres(arm) if c.short],
+        "sizes": sizes_data(sizes),
+        "design": arm.design is not None,
+    }
+
+
+def _speeds(judge: SpeedJudge) -> dict[str, Any] | None:
+    """What tip speeds are told from; None where they are not, or would take a page too long."""
+    if judge.reason or judge.arm.n > 12:  # with 12 joints 792 facets, some milliseconds
+        return None
+    return {
+        "basis": judge.basis.T.tolist(),
+        "linear": judge.linear.tolist(),
+        "limits": [float(c) if np.isfinite(c) else None for c in judge.limits],
+        "asked": [TIP_SPEED, TURN_SPEED],
+    }
+
+
+def sizes_data(sizes: Sizes) -> dict[str, float]:
+    """How large things are drawn."""
+    return {
+        "reach": sizes.reach,
+        "translation": sizes.translation,
+        "rotation": sizes.rotation,
+        "floor": FLATTEST,
+        "least": LEAST * sizes.reach,
+        "slim": SLIM,
+    }
+
+
+def arm_chain(arm: Arm) -> dict[str, Any]:
+    """`chain_data` of an arm's model, with its mimic joints."""
+    tied = arm.coupling
+    return chain_data(arm.model, arm.tip_id, *((tied.matrix, tied.offset) if tied else ()))
+
+
+def chain_data(
+    model: pin.Model, tip_id: int, matrix: Array | None = None, offset: Array | None = None
+) -> dict[str, Any]:
+    """Return joints of a model, root to leaves, with the frame ``tip_id``, numbers to the last bit.
+
+    A joint stands at row . q + offset, with its row of ``matrix``; at its own q by default.
+    """
+    matrix = np.eye(model.nv) if matrix is None else matrix
+    offset = np.zeros(model.nv) if offset is None else offset
+    joints = []
+    for j in range(1, model.njoints):
+        axis, slides = joint_axis(model.joints[j], model.names[j])
+        place = model.jointPlacements[j]
+        row = model.joints[j].idx_v
+        joints.append(
+            {
+                "parent": int(model.parents[j]) - 1,
+                "R": place.rotation.tolist(),
+                "t": place.translation.tolist(),
+                "axis": axis.tolist(),
+                "prismatic": slides,
+                "weights": matrix[row].tolist(),
+                "offset": float(offset[row]),
+            }
+        )
+    return {"joints": joints, "tip": frame_data(model, tip_id)}
+
+
+def frame_data(model: pin.Model, frame_id: int) -> dict[str, Any]:
+    """A frame of a model: its joint (-1: the root) and its placement there."""
+    frame = model.frames[frame_id]
+    return {
+        "parent": int(frame.parentJoint) - 1,
+        "R": frame.placement.rotation.tolist(),
+        "t": frame.placement.translation.tolist(),
+    }
+
+
+def joint_data(
+    names: Sequence[str], prismatic: Bool, lower: Array, upper: Array
+) -> list[dict[str, Any]]:
+    """Names and limits of joints; None where a limit is infinite."""
+    return [
+        {
+            "name": name,
+            "prismatic": bool(slides),
+            "lower": float(low) if np.isfinite(low) else None,
+            "upper": float(high) if np.isfinite(high) else None,
+        }
+        for name, slides, low, high in zip(names, prismatic, lower, upper, strict=True)
+    ]
+
+
+def _family(index: int, entry: Entry, family: Family, symbols: Sequence[str]) -> dict[str, Any]:
+    branches = family.branches
+    # Families that were read from a file do not say that their equations are not enough.
+    confirm = family.confirm is not None or any(len(b.equations) > 1 for b in branches)
+    return {
+        "entry": index,
+        "name": entry.name,
+        "text": entry.text,
+        "reason": entry.reason,
+        "reachable": entry.reachable is not False,
+        "moved": list(entry.moved),
+        "confirm": confirm,
+        "points": [pose.tolist() for pose in entry.poses] if confirm else [],
+        "where": [_where(entry, family, b, symbols) for b in branches],
+        "branches": [
+            {
+                "values": [{"joint": v.joint, "value": v.value} for v in b.values],
+                "equations": [equation_data(e) for e in b.equations],
+            }
+            for b in branches
+        ],
+    }
+
+
+def equation_data(equation: Equation) -> dict[str, Any]:
+    """An equation as a `TrigSum` of joint values, ready for JSON."""
+    s = weighted_sum(equation, np.ones(len(equation.shift)))
+    return {
+        **{k: getattr(s, k).tolist() for k in ("amplitude", "phase", "rate")},
+        "power": s.power.tolist() if len(s.slides) else None,
+        **{k: getattr(s, k) for k in ("noise", "reach", "curvature")},
+        "size": float(s.amplitude.sum()),
+    }
+
+
+def _where(entry: Entry, family: Family, branch: Branch, symbols: Sequence[str]) -> str:
+    """The part of the condition that a branch of the family is about."""
+    if branch.values:
+        words = " and ".join(
+            f"{symbols[v.joint]} = {_value(v.value, bool(family.prismatic[v.joint]))}"
+            for v in branch.values
+        )
+        # The rest is an equation, which the list has in full.
+        words += "" if {v.joint for v in branch.values} == set(entry.moved) else " and …"
+    elif family.title:
+        words = family.where()
+    else:
+        long = len(entry.text) > _LONGEST
+        words = f"{entry.text[: _LONGEST - 2].rstrip()} …" if long else entry.text
+    return f"{family.title}: {words}" if family.title else words
 
 
 def _solved(entry: Entry) -> list[dict[str, Any]]:
