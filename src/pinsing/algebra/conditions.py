@@ -649,6 +649,12 @@ def _reached(s: TrigSum, X: Array, at: At) -> Array:
     return np.where((slope >= least) & (slope > 0) & (found <= within * (1 + 1e-9)), found, np.inf)
 
 
+def halved(centers: Array, halves: Array, axis: Ints) -> tuple[Array, Array]:
+    """Return centres and half widths (2N, n) of the halves of boxes, each cut along one joint."""
+    cut = np.eye(centers.shape[1])[axis] * halves / 2
+    return np.concatenate([centers - cut, centers + cut]), np.tile(halves - cut, (2, 1))
+
+
 GAP = 1e-6
 """Upper less lower bound at which a search ends."""
 
@@ -829,13 +835,8 @@ class _Boxes:
                 break
             order = np.argsort(bounds)
             now, later = order[:256], order[256:]
-            rows, axis = np.arange(len(now)), np.argmax(halves[now], axis=1)
-            narrow, move = halves[now], np.zeros((len(now), self.c.n))
-            narrow[rows, axis] /= 2
-            move[rows, axis] = narrow[rows, axis]
-            narrow[rows, axis] *= 1 + 4e-16
-            split = np.concatenate([centers[now] - move, centers[now] + move])
-            both = np.tile(narrow, (2, 1))
+            split, both = halved(centers[now], halves[now], halves[now].argmax(axis=1))
+            both *= 1 + 4e-16
             looked += len(split)
             fresh = np.maximum(self._bound(split, both), np.tile(bounds[now], 2))
             likely = np.argsort(fresh)[:4]

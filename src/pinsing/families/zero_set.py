@@ -9,14 +9,20 @@ joint that none of those solved before it has, so that these still hold.
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
-from pinsing.algebra.conditions import Branch, Conditions, SearchOptions, nearest_points
+from pinsing.algebra.conditions import (
+    Branch,
+    Conditions,
+    SearchOptions,
+    halved,
+    nearest_points,
+    weighted_sum,
+)
 from pinsing.algebra.equation import Equation
 from pinsing.kinematics.jacobian import own_jacobians_and_derivatives, own_scale, ratios
 from pinsing.measures import FLOAT_NOISE, NOISE, ROUNDING, Array, Bool
@@ -441,58 +447,38 @@ def fix_joint(equation: Equation, joint: int, value: float) -> Equation | None:
     cos = factor * (equation.cos * np.cos(phase) + equation.sin * np.sin(phase))
     sin = factor * (equation.sin * np.cos(phase) - equation.cos * np.sin(phase))
     frequencies, powers = equation.frequencies.copy(), equation.powers.copy()
-    frequencies[:, joint] = 0
-    powers[:, joint] = 0
-    gathered: dict[tuple[bytes, bytes], list[float]] = {}
-    rows: dict[tuple[bytes, bytes], int] = {}
-    for t in range(len(cos)):
-        sign = 1
-        lead = frequencies[t][frequencies[t] != 0]
-        if len(lead) and lead[0] < 0:
-            frequencies[t] *= -1
-            sign = -1
-        key = frequencies[t].tobytes(), powers[t].tobytes()
-        rows.setdefault(key, t)
-        total = gathered.setdefault(key, [0.0, 0.0])
-        total[0] += cos[t]
-        total[1] += sign * sin[t] if len(lead) else 0.0  # a constant has no sine
+    frequencies[:, joint], powers[:, joint] = 0, 0
+    # Terms whose angles are the negatives of each other are alike.
+    lead = frequencies[np.arange(len(cos)), (frequencies != 0).argmax(axis=1)]
+    sign = np.where(lead < 0, -1, 1)
+    frequencies *= sign[:, None]
+    rows = np.hstack([frequencies, powers])
+    _, first, which = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    which, moving = which.ravel(), lead != 0  # a constant has no sine
     # What is left of terms that cancel is rounding; anything larger is a term, however small. A
     # slider's value may make terms larger than their coefficients, and what they leave, too.
     size = max(equation.size, float(np.hypot(cos, sin).sum()))
+    cos, sin = (np.bincount(which, x).astype(float) for x in (cos, sign * sin * moving))
+    terms = np.hypot(cos, sin)
     # Coefficients this many times the accuracy of an equation, and smaller, have cancelled.
-    rounding = 32.0 * max(equation.accuracy, 1e-15) * size
-    keep = [k for k, (c, s) in gathered.items() if np.hypot(c, s) > rounding]
-    if not keep:
+    kept = terms > 32.0 * max(equation.accuracy, 1e-15) * size
+    if not kept.any():
         return None
-    dropped = sum(math.hypot(*gathered[k]) for k in gathered if k not in keep)
-    index = [rows[k] for k in keep]
-    left = sum(math.hypot(*gathered[k]) for k in keep)
+    keep = np.flatnonzero(kept)[np.argsort(first[kept])]
+    error = equation.accuracy * equation.size + float(terms[~kept].sum())
     return replace(
         equation,
-        accuracy=(equation.accuracy * equation.size + dropped) / min(left, equation.size),
-        frequencies=frequencies[index],
-        powers=powers[index],
-        cos=np.array([gathered[k][0] for k in keep]),
-        sin=np.array([gathered[k][1] for k in keep]),
+        accuracy=error / min(float(terms[keep].sum()), equation.size),
+        frequencies=frequencies[first[keep]],
+        powers=powers[first[keep]],
+        cos=cos[keep],
+        sin=sin[keep],
         exact=(),
     )
 
 
 _MARGIN = 1e-8
 """Of the sum of an equation's coefficients: more than all rounding, in them and in their sums."""
-
-
-def slopes(equation: Equation, lower: Array, upper: Array) -> Array:
-    """Largest possible derivative by each joint within a box: (n,)."""
-    size = np.hypot(equation.cos, equation.sin)
-    bound = np.maximum(np.abs(lower), np.abs(upper))
-    steep = (size * np.prod(bound**equation.powers, axis=-1)) @ (np.abs(equation.frequencies) / 2)
-    for j in np.flatnonzero(equation.powers.any(axis=0)):
-        lowered = equation.powers.copy()
-        factor = lowered[:, j].astype(float)
-        lowered[:, j] = np.maximum(lowered[:, j] - 1, 0)
-        steep[j] += size @ (factor * np.prod(bound**lowered, axis=-1))
-    return np.asarray(steep)
 
 
 def proven_empty(
@@ -514,7 +500,10 @@ def proven_empty(
     # Whole turns say nothing new about a trigonometric polynomial (up to its sign).
     turning = used & ~np.any([e.powers.any(axis=0) for e in equations], axis=0)
     upper = np.where(turning, np.minimum(upper, lower + 2 * np.pi), upper)
-    steep = [slopes(e, lower, upper) for e in equations]
+    sums = [weighted_sum(e, np.ones(len(lower))) for e in equations]
+    most = np.maximum(np.maximum(np.abs(lower), np.abs(upper)), 1e-150)
+    # Of each sum the largest derivative by each joint.
+    steep = [s.sizes(most[None])[0] @ (np.abs(s.rate) + s.power / most) for s in sums]
     rooms = [max(_MARGIN, max(10, 2 * len(e.cos)) * e.accuracy) * e.size for e in equations]
     centers = np.where(used, (lower + upper) / 2, 0.0)[None, :]
     halves = np.where(used, (upper - lower) / 2, 0.0)[None, :]
@@ -528,16 +517,7 @@ def proven_empty(
         for e, slope, room in zip(equations, steep, rooms, strict=True):
             alive &= np.abs(e(centers)) <= halves @ slope * (1 + _MARGIN) + room
             worst = np.maximum(worst, halves * slope / e.size)
-        centers, halves, worst = centers[alive], halves[alive], worst[alive]
-        if not len(centers):
-            return True
-        axis = np.argmax(worst, axis=1)
-        rows = np.arange(len(centers))
-        halves[rows, axis] /= 2
-        shift = np.zeros_like(centers)
-        shift[rows, axis] = halves[rows, axis]
-        centers = np.concatenate([centers - shift, centers + shift])
-        halves = np.concatenate([halves, halves])
+        centers, halves = halved(centers[alive], halves[alive], worst[alive].argmax(axis=1))
     return True
 
 

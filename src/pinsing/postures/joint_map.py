@@ -47,6 +47,7 @@ from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.errors import ConfigurationError, OptionError
+from pinsing.families.zero_set import fix_joint
 from pinsing.measures import PRACTICAL, Array, ArrayLike, Bool, Ints, NDArray
 from pinsing.postures.boxes import Ground, Leaves, is_regular, on_boxes, sum_of
 from pinsing.proximity.clearance import Forms, Watched, quick, watch
@@ -234,21 +235,35 @@ def toward(a: Array, b: Array, circle: Bool) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Plain:
-    """A box that no equation divides."""
+class _OfArcs:
+    """A box of arcs of the joints of a part: ends (d,), and which joints turn endlessly."""
 
     part: Part
     box: tuple[Arc, ...]
+
+    @cached_property
+    def ends(self) -> Array:
+        """The lower ones and the upper ones, (2, d)."""
+        return np.array([(a.low, a.high) for a in self.box]).T
+
+    @cached_property
+    def circle(self) -> Bool:
+        """Joints that turn endlessly."""
+        return np.array([a.circle for a in self.box])
+
+
+@dataclass(frozen=True, eq=False)
+class Plain(_OfArcs):
+    """A box that no equation divides."""
+
     found: Counts = Counts(lower=1, upper=1)
 
     def examples(self, component: int) -> Array:
         """Points (K, d) of the component, its middle first."""
-        rng = np.random.default_rng(0)
         middle = np.array([a.middle for a in self.box])
-        pairs = zip(self.box, middle, strict=True)
-        ends = np.array([[max(a.low, m - 3), min(a.high, m + 3)] for a, m in pairs])
-        share = rng.uniform(0.05, 0.95, (63, len(middle)))
-        return np.concatenate([middle[None], ends[:, 0] + share * (ends[:, 1] - ends[:, 0])])
+        low, high = np.clip(self.ends, middle - 3, middle + 3)
+        share = np.random.default_rng(0).uniform(0.05, 0.95, (63, len(middle)))
+        return np.concatenate([middle[None], low + share * (high - low)])
 
     def signs(self, component: int) -> tuple[int, ...]:
         """Nothing has a sign."""
@@ -260,7 +275,7 @@ class Plain:
 
     def route(self, component: int, a: Array, b: Array, clear: Clear) -> Array | None:
         """The straight line."""
-        return np.stack([a, toward(a, b, np.array([arc.circle for arc in self.box]))])
+        return np.stack([a, toward(a, b, self.circle)])
 
 
 def top_of(f: TrigSum, hub: int, x: Array, s: Array | float) -> Array:
@@ -287,7 +302,7 @@ def hub_of(part: Part, box: tuple[Arc, ...]) -> int | None:
 
 
 @dataclass(frozen=True, eq=False)
-class Wheel:
+class Wheel(_OfArcs):
     """A box divided by one equation that has a joint which turns endlessly once in every term.
 
     Then f = R cos(q - phi) with R and phi functions of the other joints. Where R is not zero, f is
@@ -297,8 +312,6 @@ class Wheel:
     is. They are one where f changes its sign once round another joint.
     """
 
-    part: Part
-    box: tuple[Arc, ...]
     hub: int
 
     @cached_property
@@ -306,14 +319,10 @@ class Wheel:
         return sum_of(self.part.surfaces[0].equation, self.part.joints)
 
     @cached_property
-    def _circle(self) -> Bool:
-        return np.array([a.circle for a in self.box])
-
-    @cached_property
     def _odd(self) -> Bool:
         """Joints once round which f changes its sign."""
         odd = np.round(2 * self._terms.rate).astype(np.int64) % 2 != 0
-        return np.asarray(odd.any(axis=0) & self._circle)
+        return np.asarray(odd.any(axis=0) & self.circle)
 
     @property
     def _joined(self) -> bool:
@@ -327,8 +336,7 @@ class Wheel:
 
     def examples(self, component: int) -> Array:
         """Points (K, d), where |f| is large first."""
-        rng = np.random.default_rng(0)
-        low, high = (np.array([getattr(a, k) for a in self.box]) for k in ("low", "high"))
+        rng, (low, high) = np.random.default_rng(0), self.ends
         inside = low + (high - low) * rng.uniform(0.05, 0.95, (512, len(low)))
         s = 1.0 if component == 0 else -1.0
         x = self._top(inside, s)
@@ -351,10 +359,9 @@ class Wheel:
     def route(self, component: int, a: Array, b: Array, clear: Clear) -> Array | None:
         """By way of the tops over a line in the other joints, or over lines round R = 0."""
         s, rng = float(np.sign(self._terms(a))), np.random.default_rng(0)
-        goal = toward(a, b, self._circle)
+        goal, (low, high) = toward(a, b, self.circle), self.ends
         if self._terms(goal) * s < 0:  # half a turn of signs away
             goal[self._odd.argmax()] += 2 * math.pi
-        low, high = (np.array([getattr(arc, k) for arc in self.box]) for k in ("low", "high"))
         for attempt in range(12):
             middle = [low + (high - low) * rng.uniform(0.05, 0.95, len(a))] if attempt else []
             points = [a, self._top(a, s)]
@@ -364,7 +371,7 @@ class Wheel:
                 points += way
             else:
                 end = goal.copy()
-                end[self.hub] = toward(points[-1], goal, self._circle)[self.hub]
+                end[self.hub] = toward(points[-1], goal, self.circle)[self.hub]
                 path = np.array([*points, end])
                 if clear(path):
                     return path
@@ -580,34 +587,25 @@ def cuts_of(arc: Arc) -> Array:
     return share
 
 
-def section(full: TrigSum, hub: int, cut: float) -> TrigSum:
-    """An equation at one value of the hub, in the other joints; like terms are put together."""
-    rate, power = np.delete(full.rate, hub, axis=1), np.delete(full.power, hub, axis=1)
-    phase = full.phase + full.rate[:, hub] * cut
-    if len(full.slides):
-        return TrigSum(full.amplitude, phase, rate, power, full.noise)
-    first = np.array([row[np.flatnonzero(row)[0]] if row.any() else 1.0 for row in rate])
-    turn = np.where(first < 0, -1.0, 1.0)
-    twice = np.round(rate * turn[:, None] * 2).astype(np.int64)
-    rows, which = np.unique(twice, axis=0, return_inverse=True)
-    wave = np.zeros(len(rows), dtype=complex)
-    np.add.at(wave, which.ravel(), full.amplitude * np.exp(1j * turn * phase))
-    size = np.abs(wave)
-    # Rounding is a share of all terms before they were put together.
-    noise = full.noise * float(full.amplitude.sum()) / max(float(size.sum()), 1e-300)
-    return TrigSum(size, np.angle(wave), rows / 2, np.zeros_like(rows), noise)
+def section(equation: Equation, joints: tuple[int, ...], hub: int, cut: float) -> TrigSum:
+    """An equation at one value of a joint, in others."""
+    fixed = fix_joint(equation, hub, cut)
+    if fixed is None:  # zero everywhere
+        fixed = replace(equation, cos=0 * equation.cos, sin=0 * equation.sin)
+    s = sum_of(fixed, joints)
+    # Rounding is a share of all terms before like ones were put together.
+    s.noise *= max(1.0, equation.size / max(float(s.amplitude.sum()), 1e-300))
+    return s
 
 
 @dataclass(frozen=True, eq=False)
-class Divided:
+class Divided(_OfArcs):
     """A box whose components are those of boxes in it, or on sections across a joint, its hub.
 
     A place is a box on a section: its number, and N times that of the section. Points of sections
     have all joints but the hub; without a hub there is one section, all of the box.
     """
 
-    part: Part
-    box: tuple[Arc, ...]
     hub: int | None
     cuts: Array  # (m,): values of the hub, ascending: its ends first and last
     terms: tuple[TrigSum, ...]  # the equations
@@ -790,8 +788,7 @@ class Divided:
             here = points[-1] if self.hub is None else np.delete(points[-1], self.hub)
             onward = self._onward(here, row[k - 1] % N if k else box, box)
             points += [self._lifted(p, self._inset[i]) for p in onward]
-        circle = np.array([arc.circle for arc in self.box])
-        shift = toward(points[-1], finish[-1], circle) - finish[-1]
+        shift = toward(points[-1], finish[-1], self.circle) - finish[-1]
         points += [p + shift for p in finish[::-1]]
         return np.array(points)
 
@@ -820,10 +817,11 @@ def divided(
     # ``scale`` (d,) is what counts as one radian.
     terms = tuple(sum_of(s.equation, part.joints) for s in part.surfaces)
     cuts, each = np.zeros(1), [terms]
-    if hub is not None:
-        cuts = cuts_of(box[hub])
-        each = [(section(terms[0], hub, float(c)),) for c in cuts]
     others = [k for k in range(len(box)) if k != hub]
+    if hub is not None:
+        equation, joint = part.surfaces[0].equation, part.joints[hub]
+        cuts, left = cuts_of(box[hub]), tuple(part.joints[k] for k in others)
+        each = [(section(equation, left, joint, float(c)),) for c in cuts]
     low, high, circle = (
         np.array([getattr(box[k], x) for k in others]) for x in ("low", "high", "circle")
     )

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from pinsing.algebra.budget import PER_SECOND, Budget
-from pinsing.algebra.conditions import BOXES, SearchOptions, nearest_points
+from pinsing.algebra.conditions import BOXES, SearchOptions, halved, nearest_points
 from pinsing.arguments import MAX_SEED, checked, typed, whole_number
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch
@@ -201,13 +201,8 @@ class RoomSearch:
                 break
             order = np.argsort(-bounds, kind="stable")
             now, later = order[:_BATCH], order[_BATCH:]
-            center, half = centers[now], halves[now]
-            self.prove(room.fit(center[:2]))
-            rows, axis = np.arange(len(now)), np.argmax(half, axis=1)
-            half[rows, axis] /= 2
-            move = np.zeros_like(half)
-            move[rows, axis] = half[rows, axis]
-            parts, both = np.concatenate([center - move, center + move]), np.tile(half, (2, 1))
+            self.prove(room.fit(centers[now[:2]]))
+            parts, both = halved(centers[now], halves[now], halves[now].argmax(axis=1))
             fresh = np.minimum(self._promise(parts, both), np.tile(bounds[now], 2))
             centers = np.concatenate([centers[later], parts])
             halves = np.concatenate([halves[later], both])
