@@ -26,15 +26,23 @@ It is found from its values on a grid; bounds of their rounding are counted to E
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
 
 from pinsing._batch import engine
-from pinsing.algebra.conditions import Branch, Margin, SearchOptions, nearest_points, weighted_sum
-from pinsing.algebra.trig_sum import TINY, At, TrigSum, to_zeros
+from pinsing.algebra.conditions import (
+    Branch,
+    Conditions,
+    Margin,
+    SearchOptions,
+    nearest_points,
+    two_sided,
+    weighted_sum,
+)
+from pinsing.algebra.trig_sum import TINY, TrigSum
 from pinsing.families.family import Family
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.refine import approach
@@ -187,7 +195,7 @@ def find_tube(robot: Arm, design: Arm, families: Sequence[Family]) -> Tube:
             reason += f"; within the joint limits {again}" * bool(again)
         if isinstance(of, Determinant):
             even = {f.family for f in of.factors if f.power % 2 == 0}
-            both = _two_sides(of, width, near)
+            both = _two_sides(of, families, width, near)
             persists = [two and k not in even for k, two in enumerate(both)]
     except Unproven as unproven:
         reason = str(unproven)
@@ -280,9 +288,8 @@ class JacobianMinors:
 
     def search(self, x: Array) -> Array:
         """Singular configurations (K, d) near starts (N, d)."""
-        Q, inner = np.zeros((len(x), self.arm.n)), list(self.joints)
-        Q[:, inner] = x
-        drops = approach(self.arm, Q, np.isin(np.arange(self.arm.n), inner))
+        n, inner = self.arm.n, list(self.joints)
+        drops = approach(self.arm, _whole(inner, n, x), np.isin(np.arange(n), inner))
         return np.asarray(drops.q[drops.sigma[:, -1] < 1e-9 * drops.sigma[:, 0]][:, inner])
 
 
@@ -318,7 +325,7 @@ def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Equations:
     if len(joints) > (4 if pose else 3):
         raise Unproven(f"the determinant depends on {len(joints)} joints")
     size, degree = float(np.linalg.norm(flatten(design).t, axis=1).sum()), 2 if pose else n
-    grid = _TorusGrid(joints, n, 2 * degree + 1)
+    grid = _TorusGrid(len(joints), 2 * degree + 1)
     rng = np.random.default_rng(1)
     # A start at which no condition is small on the grid, so that they can be divided by.
     starts = rng.uniform(0, 2 * np.pi / grid.count, (30, len(joints)))
@@ -385,7 +392,7 @@ def _product(factors: Sequence[Factor], x: Array) -> tuple[Array, Array]:
 
 def _minors(arm: Arm, joints: tuple[int, ...]) -> list[TrigSum]:
     """Minors of a redundant arm, each a sum over four joints and what there is besides."""
-    grid, start = _TorusGrid(joints, arm.n, 5), np.zeros(len(joints))
+    grid, start = _TorusGrid(len(joints), 5), np.zeros(len(joints))
     size, out = float(np.linalg.norm(flatten(arm).t, axis=1).sum()) / 4, []
     for less in [0, arm.n - 1, *range(1, arm.n - 1)]:
         values, error = _determinants(arm, grid.at(start), joints, size, less)
@@ -422,9 +429,10 @@ def _determinants(
     units (Wilkinson), and a determinant is linear in each column.
     """
     n, rows = arm.n, list(arm.task.rows)
-    Q = np.zeros((len(x), n))
-    Q[:, list(joints)] = x
-    J = frame_jacobians(arm, Q)[:, rows] / np.where(np.array(rows) < 3, size, 1.0)[:, None]
+    J = (
+        frame_jacobians(arm, _whole(joints, n, x))[:, rows]
+        / np.where(np.array(rows) < 3, size, 1.0)[:, None]
+    )
     J = J if less is None else np.delete(J, less, axis=2)
     m, column = len(rows), float(np.linalg.norm(J, axis=1).max()) * _MORE
     change = (64 * n + m**4 * 2 ** (m - 1)) * _UNIT * max(column, 1.0)
@@ -435,34 +443,26 @@ def _determinants(
 class _TorusGrid:
     """As many values of each joint as a trigonometric polynomial has coefficients."""
 
-    joints: tuple[int, ...]
-    n: int
+    d: int
     count: int
 
     def at(self, start: Array) -> Array:
         """Joint values (N, d)."""
-        d, step = len(self.joints), 2 * np.pi / self.count
-        index = np.indices((self.count,) * d).reshape(d, -1).T
-        return np.asarray(start + step * index)
+        index = np.indices((self.count,) * self.d).reshape(self.d, -1).T
+        return np.asarray(start + 2 * np.pi / self.count * index)
 
     def sum(self, values: Array, start: Array, error: float) -> TrigSum:
         """Return the trigonometric polynomial of ``values`` (N,), each right to ``error``."""
         # Interpolation on N points makes errors at most sqrt(N) times as large.
-        d, half = len(self.joints), self.count // 2
-        k = np.arange(-half, half + 1)
-        wave = np.exp(-2j * np.pi / self.count * np.outer(k, np.arange(self.count))) / self.count
-        table = values.reshape((self.count,) * d).astype(complex)
-        for _ in range(d):  # each joint's axis in turn goes to the end
-            table = np.moveaxis(np.tensordot(table, wave, axes=(0, 1)), -1, -1)
-        rate = np.indices(table.shape).reshape(d, -1).T - half
+        N, shape = len(values), (self.count,) * self.d
+        table = np.fft.fftshift(np.fft.fftn(values.reshape(shape))) / N
+        rate = np.indices(shape).reshape(self.d, -1).T - self.count // 2
         flat = table.reshape(-1) * np.exp(-1j * rate @ start)
-        first = np.array([row[np.flatnonzero(row)[0]] if row.any() else 0 for row in rate])
+        first = rate[np.arange(N), (rate != 0).argmax(axis=1)]
         once = first >= 0
         amplitude = np.abs(flat[once]) * np.where(first[once] > 0, 2, 1)
-        N = len(values)
-        error = math.sqrt(N) * error + N * d * (self.count + 8) * 8 * _UNIT * float(
-            np.abs(values).max()
-        )
+        rounding = N * self.d * (self.count + 8) * 8 * _UNIT * float(np.abs(values).max())
+        error = math.sqrt(N) * error + rounding
         small = np.cumsum(np.sort(amplitude)) <= 1e-6 * amplitude.sum()
         kept = np.argsort(amplitude)[small.sum() :]
         error += float(amplitude.sum() - amplitude[kept].sum())
@@ -509,11 +509,11 @@ def halve(p: Equations, boxes: Array, near: float = NEAR) -> Array:
     return out
 
 
-def _two_sides(p: Determinant, width: Array, near: float) -> list[bool]:
+def _two_sides(p: Determinant, families: Sequence[Family], width: Array, near: float) -> list[bool]:
     """Return which families have both sides outside of the tubes: configurations at random tell."""
     low, high = p.ranges.T
     x = np.random.default_rng(3).uniform(low, high, (20_000, len(low)))
-    away, found = _away(p, x), []
+    away, found = _about(p, families, x)[..., 0], []
     for k in range(away.shape[1]):
         out = (away[:, k] > width[k]) & (np.delete(away, k, axis=1) > near).all(axis=1)
         side = _product([replace(f, power=1) for f in p.factors if f.family == k], x[out])[0] > 0
@@ -521,57 +521,18 @@ def _two_sides(p: Determinant, width: Array, near: float) -> list[bool]:
     return found
 
 
-def _away(p: Equations, x: Array) -> Array:
-    """How far (N, F) configurations (N, d) are from families at least."""
-    return _of_families(p, x, lambda s, at: to_zeros([s], [at], x))
+def _about(p: Equations, families: Sequence[Family], x: Array) -> Array:
+    """Bounds (N, F, 2) of how far configurations (N, d) are from families."""
+    n = families[0].n
+    conditions = Conditions.of([f.branches for f in families], np.zeros(n, bool), np.ones(n))
+    return two_sided(conditions, _whole(p.joints, n, x), each=True, points=True).each
 
 
-def _on_zeros(s: TrigSum, x: Array) -> Array:
-    """How far (N,) points (N, d) are from zeros of a sum, about: by steps onto its tangents."""
-    y = x
-    for _ in range(20):
-        at = s.at(y)
-        g = at.gradient
-        past = ((y - x) * g).sum(axis=1) - at.value
-        y = x + g * (past / np.maximum((g**2).sum(axis=1), TINY))[:, None]
-    return np.where(np.abs(s.at(y).value) < ROUNDING, np.linalg.norm(y - x, axis=1), np.pi)
-
-
-def _sure(s: TrigSum, x: Array) -> Array:
-    """How far (N,) points (N, d) are from zeros of a sum at least, up to half a radian."""
-    side, x = 0.5, x[:, s.used]
-    d = len(s.used)
-    own = TrigSum(s.amplitude, s.phase, s.rate[:, s.used], s.power[:, s.used], s.noise)
-    alone = Determinant((), (), np.empty((0, 2)), _nothing(d), own, _nothing(d))
-    of, boxes = np.arange(len(x)), np.zeros((len(x), 13))
-    boxes[:, :d], boxes[:, 5 : 5 + d], boxes[:, 10:12] = x, side, _NONE
-    for _ in range(60):
-        gap = np.maximum(np.abs(boxes[:, :d] - x[of]) - boxes[:, 5 : 5 + d], 0.0)
-        away = np.linalg.norm(gap, axis=1)
-        least = np.full(len(x), side)
-        np.minimum.at(least, of, away)
-        wide = np.linalg.norm(boxes[:, 5:10], axis=1)
-        now = (away <= 1.02 * least[of]) & (wide > 0.05 * np.maximum(away, 1e-3))
-        if not now.any():
-            break
-        fresh = halve(alone, boxes[now])
-        fresh[:, 12] = fresh[:, 5:10].argmax(axis=1)
-        some = fresh[:, 11] > 0
-        boxes = np.concatenate([boxes[~now], fresh[some]])
-        of = np.concatenate([of[~now], np.repeat(of[now], 2)[some]])
-    return least / _MORE
-
-
-def _of_families(p: Equations, x: Array, far: Callable[[TrigSum, At], Array]) -> Array:
-    away = np.full((len(x), 1 + max(f.family for f in p.factors)), np.inf)
-    for of in {f.branch for f in p.factors}:
-        whole = np.zeros(len(x))
-        for f in (f for f in p.factors if f.branch == of):
-            at, k = f.sum.at(x), f.family
-            off = 2 * np.arcsin(np.minimum(np.abs(at.value), 1)) if f.is_value else far(f.sum, at)
-            whole = np.hypot(whole, off)
-        away[:, k] = np.minimum(away[:, k], whole)
-    return away
+def _whole(joints: Sequence[int], n: int, x: Array) -> Array:
+    """Joint values (N, n), of which some are given and others zero."""
+    Q = np.zeros((len(x), n))
+    Q[:, list(joints)] = x
+    return Q
 
 
 MOST = 16_000_000
@@ -622,7 +583,7 @@ def find_widths(
     last, rng = len(families), np.random.default_rng(2)
     found, done = np.zeros(last + 1), np.zeros(last + 1)
     (low, high), minors, near = p.ranges.T, isinstance(p, JacobianMinors), NEAR
-    free, few = np.full(families[0].n, np.inf), SearchOptions(gap=1e-3, boxes=100)
+    free, search = np.full(families[0].n, np.inf), SearchOptions(gap=1e-4, boxes=MOST // 1000)
 
     def farthest(far: Array, column: Ints, many: int) -> Ints:
         """The farthest from the nearest family: of those near each one alone, and near several."""
@@ -644,15 +605,13 @@ def find_widths(
         boxes = np.full((len(x), 12 + last), _NONE)
         boxes[:, :10], boxes[:, : len(low)], boxes[:, 5 : 5 + len(low)] = 0.0, x, ROUNDING
         most = halve(p, boxes, near)[::2, 10 + last]
-        about = _of_families(p, x, lambda s, at: _on_zeros(s, x))
+        about = _about(p, families, x)[..., 1]
         far, column = np.minimum(most, about.min(axis=1)), columns(about, 1.002 * near)
         # What may be farther than all before is proven to be far.
         top = [i for i in farthest(far, column, 3) if far[i] > 1.01 * found[column[i]]]
-        Q = np.zeros((len(top), families[0].n))
-        Q[:, list(p.joints)] = x[top]
-        each = [nearest_points(f.conditions(), Q, -free, free, few).lower for f in families]
-        sure = _of_families(p, x[top], lambda s, at: _sure(s, x[top]))
-        away = np.maximum(sure, np.stack(each, axis=1))
+        Q = _whole(p.joints, len(free), x[top])
+        each = [nearest_points(f.conditions(), Q, -free, free, search).lower for f in families]
+        away = np.stack(each, axis=1)
         np.maximum.at(found, columns(away, near), away.min(axis=1))
         found[last] = found.max()
         return np.asarray(x[farthest(far, column, 20)])

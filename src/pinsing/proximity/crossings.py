@@ -459,70 +459,6 @@ class NearStretch:
     clearance: float
 
 
-class Stretches:
-    """Gathers the stretches of a motion that is fed in pieces."""
-
-    def __init__(self, watched: Watched, near: float) -> None:
-        self.watched, self.near = watched, near
-        self.cut = False
-        self._found: list[NearStretch] = []
-        self._open = False
-
-    def feed(self, motion: Motion, u: Array, Q: Array, least: Array) -> None:
-        """Take places u (K,) of a motion, where the clearance is at least ``least``."""
-        watched, near = self.watched, self.near
-        for halvings in range(19):
-            length = watched.length(np.diff(Q, axis=0))
-            # A lower bound of the clearance on each step.
-            bound = np.maximum((least[:-1] + least[1:] - length) / 2, 0.0)
-            inside = bound < near
-            near_runs = runs(inside)
-            outside = least >= near
-            again = inside & (outside[:-1] | outside[1:])
-            # Steps of a stretch on which it may be a good deal nearer than is known so far.
-            known = np.full(len(inside), np.inf)
-            for start, end in near_runs:
-                known[start:end] = least[start : end + 1].min()
-            again |= inside & (bound < 0.95 * known - 0.01 * near)
-            # Steps of this length are not halved any more.
-            again &= length > 1e-4
-            if halvings == 18 or not again.any():
-                break
-            k = np.flatnonzero(again)
-            middle = (u[k] + u[k + 1]) / 2
-            there = motion.at(middle)
-            found = two_sided(watched.conditions, there).lower
-            u, Q = np.insert(u, k + 1, middle), np.insert(Q, k + 1, there, axis=0)
-            least = np.insert(least, k + 1, found) * watched.known_along(Q)
-        t = motion.time(u)
-        for start, end in near_runs:
-            lowest = start + int(np.argmin(least[start : end + 1]))
-            nearest = nearest_family(watched.conditions, Q[lowest : lowest + 1])[0]
-            new = NearStretch(
-                float(t[start]),
-                float(t[end]),
-                watched.names[int(nearest[0])],
-                float(bound[start:end].min()),
-            )
-            if start == 0 and self._open and self._found:
-                old = self._found[-1]
-                deeper = new if new.clearance < old.clearance else old
-                self._found[-1] = NearStretch(old.t, new.t_end, deeper.family, deeper.clearance)
-            elif len(self._found) < 1000:
-                self._found.append(new)
-            else:
-                self.cut = True
-        self._open = bool(len(inside) and inside[-1])
-
-    def finish(self, crossings: Sequence[Crossing]) -> tuple[NearStretch, ...]:
-        """All of them; where a family is met in one, that is its family."""
-        out = []
-        for s in self._found:
-            met = next((c for c in crossings if c.t <= s.t_end and c.t_end >= s.t), None)
-            out.append(s if met is None else NearStretch(s.t, s.t_end, met.family, 0.0))
-        return tuple(out)
-
-
 def least_along(
     Q: Array,
     lower: Array,
@@ -614,10 +550,8 @@ class Passage:
         count = len(watched.families)
         self.crossings: list[Crossing] = []
         self.own_crossings: list[Crossing] = []
-        self._stretches = Stretches(watched, near)
-        self.cut = False
-        self._plain = watched.conditions.plain
-        self._families = watched.each
+        self.stretches: list[NearStretch] = []
+        self.cut = self._near_at_end = False
         # Of each family: the least distance proven along the path, found, and proven of a sample.
         self._least, self._nearest, self._proven = np.full((3, count), np.inf)
         # Of each family: a distance, and the samples around a place at which it may be nearest.
@@ -656,14 +590,14 @@ class Passage:
         u = np.concatenate([*parts, [float(last)]])
         Q = motion.at(u)
         length = self.watched.length(np.diff(Q, axis=0))
-        if not self._families:
+        if not self.watched.each:
             return
         way = np.append(0.0, np.cumsum(length)) * (1 + ROUNDING)
         lower, upper = self._bounds(Q, length, way)
         arm = self.watched.tube and self.watched.arm
         if arm and generic_rank(arm) == arm.n == len(arm.task.rows):
             self._change_sign(arm, motion, u, Q)
-        for f, conditions in enumerate(self._families):
+        for f, conditions in enumerate(self.watched.each):
 
             def bounded(x: Array, c: Conditions = conditions, f: int = f) -> Array:
                 return nearest_points(c, x, *self.watched.families[f].limits, _CLOSE).lower
@@ -674,13 +608,52 @@ class Passage:
             self._least[f] = min(self._least[f], least)
             some = np.isfinite(upper[:, f]).any()
             self._candidate(f, motion, u, way, (upper if some else lower)[:, f])
-        self._stretches.feed(motion, u, Q, lower.min(axis=1))
+        self._stretch(motion, u, Q, lower.min(axis=1))
         if end and len(u) > 1:
             f = int(nearest_family(self.watched.conditions, Q[-1:])[0][0])
-            two = two_sided(self._plain, Q[-2:], each=True).each[:, f, 0]
+            two = two_sided(self.watched.conditions.plain, Q[-2:], each=True).each[:, f, 0]
             change = float(two[1] - two[0])
             small = 1e-6 * max(float(length[-1]), 1e-12)
             self.trend = "steady" if abs(change) <= small else "away" if change > 0 else "toward"
+
+    def _stretch(self, motion: Motion, u: Array, Q: Array, least: Array) -> None:
+        """Keep the stretches between places u (K,), where the clearance is at least ``least``."""
+        watched, near = self.watched, self.near
+        for halvings in range(19):
+            length = watched.length(np.diff(Q, axis=0))
+            # A lower bound of the clearance on each step.
+            bound = np.maximum((least[:-1] + least[1:] - length) / 2, 0.0)
+            inside, outside = bound < near, least >= near
+            found = runs(inside)
+            # Steps of a stretch on which it may be a good deal nearer than is known so far.
+            known = np.full(len(inside), np.inf)
+            for start, end in found:
+                known[start:end] = least[start : end + 1].min()
+            again = outside[:-1] | outside[1:] | (bound < 0.95 * known - 0.01 * near)
+            # Steps of this length are not halved any more.
+            k = np.flatnonzero(inside & again & (length > 1e-4))
+            if halvings == 18 or not len(k):
+                break
+            middle = (u[k] + u[k + 1]) / 2
+            there = motion.at(middle)
+            lower = two_sided(watched.conditions, there).lower
+            u, Q = np.insert(u, k + 1, middle), np.insert(Q, k + 1, there, axis=0)
+            least = np.insert(least, k + 1, lower) * watched.known_along(Q)
+        t = motion.time(u)
+        for start, end in found:
+            q = Q[start + int(np.argmin(least[start : end + 1]))]
+            family = watched.names[int(nearest_family(watched.conditions, q[None])[0][0])]
+            ends, clear = (float(t[start]), float(t[end])), float(bound[start:end].min())
+            if start == 0 and self._near_at_end:
+                old = self.stretches[-1]
+                deeper = clear < old.clearance
+                new = replace(old, family=family, clearance=clear) if deeper else old
+                self.stretches[-1] = replace(new, t_end=ends[1])
+            elif len(self.stretches) < 1000:
+                self.stretches.append(NearStretch(*ends, family, clear))
+            else:
+                self.cut = True
+        self._near_at_end = bool(self.stretches and len(inside) and inside[-1])
 
     def _change_sign(self, arm: Arm, motion: Motion, u: Array, Q: Array) -> None:
         """Keep where the determinant of the arm's Jacobian changes its sign between places u."""
@@ -703,9 +676,12 @@ class Passage:
     def _bounds(self, Q: Array, length: Array, way: Array) -> tuple[Array, Array]:
         """Return bounds (M, F) of distances; close ones where these bound the least."""
         # Lower ones of one sample, less the way to another one, hold there.
-        margin, each = self.watched.margin, two_sided(self._plain, Q, each=True).each
+        margin, each = (
+            self.watched.margin,
+            two_sided(self.watched.conditions.plain, Q, each=True).each,
+        )
         self._nearest = np.fmin(self._nearest, each[..., 1].min(axis=0))
-        for f, conditions in enumerate(self._families):
+        for f, conditions in enumerate(self.watched.each):
             low, limits = each[:, f, 0], self.watched.families[f].limits
             lost = ROUNDING + np.finfo(np.float64).eps * len(way) * way[-1]
             # First samples that are far apart: what is proven of them spares most of the others.
@@ -746,8 +722,10 @@ class Passage:
         found = [self._approach(f) for f in range(len(self.watched.families))]
         self.approaches = tuple(sorted(filter(None, found), key=lambda a: a.upper))
         self.crossings.sort(key=lambda c: c.t)
-        self.cut |= self._stretches.cut
-        self.near_stretches = self._stretches.finish(self.crossings)
+        for k, s in enumerate(self.stretches):
+            met = next((c for c in self.crossings if c.t <= s.t_end and c.t_end >= s.t), None)
+            if met is not None:
+                self.stretches[k] = replace(s, family=met.family, clearance=0.0)
 
     def _approach(self, f: int) -> Approach | None:
         name, watched = self.watched.names[f], self.watched
@@ -755,7 +733,7 @@ class Passage:
         for c in self.crossings:
             if c.family == name:
                 return Approach(name, c.t, c.q, 0.0, 0.0, title)
-        conditions = self._families[f]
+        conditions = self.watched.each[f]
         found = [_refined(conditions, watched, m, u) for _, m, u in self._candidates[f]]
         if not found:
             return None

@@ -449,7 +449,7 @@ def check_line(
         located=located,
         crossings=tuple(passage.crossings),
         approaches=passage.approaches,
-        stretches=passage.near_stretches,
+        stretches=tuple(passage.stretches),
         near=float(near),
         speed=float(speed),
         too_fast=too_fast,

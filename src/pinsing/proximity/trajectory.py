@@ -727,7 +727,7 @@ def check_trajectory(
         cut=passage.cut,
         approaches=passage.approaches,
         near=float(near),
-        stretches=passage.near_stretches,
+        stretches=tuple(passage.stretches),
         trend=passage.trend,
         too_fast=speeds.found("speed"),
         too_abrupt=speeds.found("acceleration"),
