@@ -10,7 +10,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from command_line import run
-from pinsing.algebra.nearest import SearchOptions, nearest_points
 from public import script
 from tiers import tiered
 
@@ -84,11 +83,10 @@ def form(tmp_path_factory: pytest.TempPathFactory) -> pinsing.ClosedForm:
 def test_tube_is_proven_and_holds_every_singular_configuration(form, attack):
     assert form.tube.proven
     assert all(f.persists and f.lower < f.width <= form.tube.width for f in form.tube.families)
-    families = form.families
-    product = tubes.factorize(form.loaded, form.geometry.arm, families)
+    product = tubes.factorize(form.loaded, form.geometry.arm, form.families)
     # None is claimed of tubes that hold every configuration.
-    assert tubes._two_sides(product, families, np.full(4, 0.1), 0.2) == [True] * 3
-    assert tubes._two_sides(product, families, np.full(4, np.pi), np.pi) == [False] * 3
+    assert tubes._two_sides(product, np.full(4, 0.1), 0.2) == [True] * 3
+    assert tubes._two_sides(product, np.full(4, np.pi), np.pi) == [False] * 3
     found = attack.find_singular(form.loaded, np.random.default_rng(5).uniform(-3, 3, (150, 6)))
     wrong, (_, far) = attack.outside(form, found)
     assert (len(found) > 50, wrong) == (True, 0)
@@ -111,10 +109,8 @@ def test_boxes_keep_their_zeros_and_none_is_farther_than_told(name, attack):
         half_rest = TrigSum(r.amplitude / 2, r.phase, r.rate, r.power, r.noise)
         between = replace(product, rest=half_rest).search(starts)
         zeros = np.concatenate([zeros, between])
-    limits, whole = np.full(arm.n, np.inf), tubes._whole(product.joints, arm.n, zeros)
-    how = whole, -limits, limits, SearchOptions(gap=1e-4, boxes=16_000)
-    far = np.stack([nearest_points(f.conditions(), *how).lower for f in families], axis=1)
-    near = tubes._about(product, families, zeros)[..., 0].min(axis=1)
+    far = tubes._proven(product, families, zeros)
+    near = tubes._about(product, zeros)[..., 0].min(axis=1)
     assert (near <= far.min(axis=1) * 1.1 + 1e-3).mean() > 0.8
     for size in (0.3, 0.03, 0.003):
         half = rng.uniform(0.1, 1, zeros.shape) * size

@@ -195,7 +195,7 @@ def find_tube(robot: Arm, design: Arm, families: Sequence[Family]) -> Tube:
             reason += f"; within the joint limits {again}" * bool(again)
         if isinstance(of, Determinant):
             even = {f.family for f in of.factors if f.power % 2 == 0}
-            both = _two_sides(of, families, width, near)
+            both = _two_sides(of, width, near)
             persists = [two and k not in even for k, two in enumerate(both)]
     except Unproven as unproven:
         reason = str(unproven)
@@ -250,6 +250,7 @@ class Determinant:
     joints: tuple[int, ...]
     factors: tuple[Factor, ...]
     ranges: Array  # (d, 2): of these joints; a circle from any value
+    conditions: Conditions  # of the families
     h: TrigSum
     plain: TrigSum  # of the design's determinant
     rest: TrigSum
@@ -278,6 +279,7 @@ class JacobianMinors:
     joints: tuple[int, ...]
     factors: tuple[Factor, ...]
     ranges: Array  # as of a determinant
+    conditions: Conditions
     arm: Arm
     minors: tuple[TrigSum, ...]
 
@@ -316,10 +318,12 @@ def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Equations:
     branches = [(k, b) for k, f in enumerate(families) for b in f.branches]
     factors = [f for i, (k, b) in enumerate(branches) for f in _factors(k, i, b, joints)]
     ranges = np.tile(_CIRCLE, (len(joints), 1))
+    conditions = Conditions.of([f.branches for f in families], robot.prismatic, np.ones(n))
     if redundant:
         if len(factors) > 54 or max(len(f.sum.used) for f in factors) > 4:
             raise Unproven("the design has too many conditions, or one of five joints")
-        return JacobianMinors(joints, tuple(factors), ranges, robot, tuple(_minors(robot, joints)))
+        made = joints, tuple(factors), ranges, conditions
+        return JacobianMinors(*made, robot, tuple(_minors(robot, joints)))
     if len(factors) > len(branches):
         raise Unproven("a family is of several conditions, which separate nothing")
     if len(joints) > (4 if pose else 3):
@@ -354,7 +358,7 @@ def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Equations:
             "the design differs too much from the robot, or has its joint zeros elsewhere"
         )
     plain = grid.sum(at.value * P, start, float(off.max()))
-    return Determinant(joints, tuple(factors), ranges, h, plain, rest)
+    return Determinant(joints, tuple(factors), ranges, conditions, h, plain, rest)
 
 
 def _factors(family: int, index: int, branch: Branch, joints: tuple[int, ...]) -> list[Factor]:
@@ -509,11 +513,11 @@ def halve(p: Equations, boxes: Array, near: float = NEAR) -> Array:
     return out
 
 
-def _two_sides(p: Determinant, families: Sequence[Family], width: Array, near: float) -> list[bool]:
+def _two_sides(p: Determinant, width: Array, near: float) -> list[bool]:
     """Return which families have both sides outside of the tubes: configurations at random tell."""
     low, high = p.ranges.T
     x = np.random.default_rng(3).uniform(low, high, (20_000, len(low)))
-    away, found = _about(p, families, x)[..., 0], []
+    away, found = _about(p, x)[..., 0], []
     for k in range(away.shape[1]):
         out = (away[:, k] > width[k]) & (np.delete(away, k, axis=1) > near).all(axis=1)
         side = _product([replace(f, power=1) for f in p.factors if f.family == k], x[out])[0] > 0
@@ -521,11 +525,17 @@ def _two_sides(p: Determinant, families: Sequence[Family], width: Array, near: f
     return found
 
 
-def _about(p: Equations, families: Sequence[Family], x: Array) -> Array:
+def _about(p: Equations, x: Array) -> Array:
     """Bounds (N, F, 2) of how far configurations (N, d) are from families."""
-    n = families[0].n
-    conditions = Conditions.of([f.branches for f in families], np.zeros(n, bool), np.ones(n))
-    return two_sided(conditions, _whole(p.joints, n, x), each=True, points=True).each
+    Q = _whole(p.joints, p.conditions.n, x)
+    return two_sided(p.conditions, Q, each=True, points=True).each
+
+
+def _proven(p: Equations, families: Sequence[Family], x: Array) -> Array:
+    """How far (N, F) configurations (N, d) are from families at least, and hardly more."""
+    Q, ends = _whole(p.joints, p.conditions.n, x), np.full(p.conditions.n, np.inf)
+    how = Q, -ends, ends, SearchOptions(gap=1e-4, boxes=16_000)
+    return np.stack([nearest_points(f.conditions(), *how).lower for f in families], axis=1)
 
 
 def _whole(joints: Sequence[int], n: int, x: Array) -> Array:
@@ -583,7 +593,6 @@ def find_widths(
     last, rng = len(families), np.random.default_rng(2)
     found, done = np.zeros(last + 1), np.zeros(last + 1)
     (low, high), minors, near = p.ranges.T, isinstance(p, JacobianMinors), NEAR
-    free, search = np.full(families[0].n, np.inf), SearchOptions(gap=1e-4, boxes=MOST // 1000)
 
     def farthest(far: Array, column: Ints, many: int) -> Ints:
         """The farthest from the nearest family: of those near each one alone, and near several."""
@@ -605,13 +614,11 @@ def find_widths(
         boxes = np.full((len(x), 12 + last), _NONE)
         boxes[:, :10], boxes[:, : len(low)], boxes[:, 5 : 5 + len(low)] = 0.0, x, ROUNDING
         most = halve(p, boxes, near)[::2, 10 + last]
-        about = _about(p, families, x)[..., 1]
+        about = _about(p, x)[..., 1]
         far, column = np.minimum(most, about.min(axis=1)), columns(about, 1.002 * near)
         # What may be farther than all before is proven to be far.
         top = [i for i in farthest(far, column, 3) if far[i] > 1.01 * found[column[i]]]
-        Q = _whole(p.joints, len(free), x[top])
-        each = [nearest_points(f.conditions(), Q, -free, free, search).lower for f in families]
-        away = np.stack(each, axis=1)
+        away = _proven(p, families, x[top])
         np.maximum.at(found, columns(away, near), away.min(axis=1))
         found[last] = found.max()
         return np.asarray(x[farthest(far, column, 20)])
