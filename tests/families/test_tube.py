@@ -1,5 +1,6 @@
 """Robots that are imperfect copies of a design: the tube about its families, and what is told."""
 
+import importlib
 import math
 import pickle
 from collections.abc import Iterator, Sequence
@@ -21,13 +22,13 @@ from pinsing.families.family import Family
 from pinsing.families.form import coverage_words, families_text
 from pinsing.proximity.clearance import distances
 from pinsing.proximity.guard import make_guard
-from pinsing.report.arm_report import robot
-from pinsing.report.info import describe, gather
-from pinsing.robot import nominal as designs
+from pinsing.report.arm_report import gather, robot
+from pinsing.report.info import describe
 from pinsing.robot.arm import Arm
 from pinsing.robot.calibration import LINKS, calibrated, known_like
 from pinsing.robot.nominal import assumed_design, chain_model, design_of, differences, flatten
 
+designs = importlib.import_module("pinsing.robot.nominal")
 Q = np.array([0.0, -1.2, 1.3, -1.0, -1.5, 0.0])
 UR5E = {
     "shoulder": (0, 0, 0.16271, 0, 0, 0),

@@ -18,8 +18,7 @@ def ur5():
 
 def test_a_way_round_a_singularity_is_raised_and_stays_a_way(ur5):
     """The elbow stays bent, and the wrist is taken near to q5 = 0 on purpose."""
-    found = ur5[2]
-    chosen = found._map
+    chosen = ur5[2]._map
     assert chosen is not None
     start = np.array([0.0, -1.0, 1.2, 0.3, 1.0, 0.0])
     end = start + np.array([0.4, 0.1, 0.2, 0.1, 0.2, 0.0])
@@ -39,8 +38,7 @@ def test_a_way_round_a_singularity_is_raised_and_stays_a_way(ur5):
 @pytest.mark.slow
 def test_connections_within_limits_are_decided_and_clear(ur5):
     arm, form, found = ur5
-    rng = np.random.default_rng(4)
-    joined = 0
+    rng, joined = np.random.default_rng(4), 0
     while joined < 6:
         qa, qb = arm.space.sample(2, rng)
         known = pinsing.connect(form, qa, qb, of=found)
