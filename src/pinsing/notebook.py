@@ -16,7 +16,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from pinsing.errors import Refusal
 from pinsing.prose import WIDTH, visible
 
-_TOKENS = re.compile(r"\\[A-Za-z]+|\\.|\d+(?:\.\d+)?|[A-Za-z]+|[-+=(){}^_/,.<>|:;]|\s+")
+_PLAIN = r"-+=()^_/,.<>|:;"
+_TOKENS = re.compile(
+    rf"\\(?:text|mathrm|operatorname)\{{[{_PLAIN}\w ]*\}}|\\[A-Za-z]+|\\.|\d+(?:\.\d+)?|[A-Za-z]+"
+    rf"|[{_PLAIN}{{}}]| ",
+    re.ASCII,
+)
 _THIN, _SPACE, _QUAD = (f'<mspace width="{w}"></mspace>' for w in ("0.17em", "0.4em", "1em"))
 _FUNCTIONS = (r"\cos", r"\sin")
 
@@ -36,9 +41,12 @@ def mathml(latex: str) -> str:
     """Return a formula as inline HTML: ``<math>`` elements that a line may end between."""
     # Browsers break no line within a formula: each summand is an element of its own. Spaces between
     # make the text readable where a page takes the elements away.
+    whole = re.sub(r"\s+", " ", latex)
+    tokens = _TOKENS.findall(whole)
     try:
-        pieces = list(_pieces(_Reader(latex).row(0)))
-    except _Unknown:
+        _Unknown.refuse_if("".join(tokens) != whole, whole)
+        pieces = list(_pieces(_row(tokens[::-1], 0)))
+    except (_Unknown, IndexError):  # something else, or it ends too early
         return f'<code class="tex2jax_ignore mathjax_ignore">{escaped(latex)}</code>'
     return " ".join(f"<math>{' '.join(piece)}</math>" for piece in pieces)
 
@@ -64,91 +72,72 @@ def _pieces(row: list[str]) -> Iterator[list[str]]:
         yield piece
 
 
-class _Reader:
-    """Goes over the tokens of a formula once."""
+def _row(left: list[str], depth: int) -> list[str]:
+    """Elements up to the brace that closes, or the end, of tokens ``left``, the next one last."""
+    _Unknown.refuse_if(depth > 12, "too deep")
+    out: list[str] = []
+    while left or depth:
+        token = left.pop()
+        if token == "}" and depth:
+            break
+        if token == " ":
+            continue
+        if token in ("^", "_") and out:
+            gap = [out.pop()] if len(out) > 1 and out[-1] == _THIN else []
+            out += [_script(out.pop(), token, _group(left, depth)), *gap]  # cos^2: before its gap
+        elif token in ("-", r"\pm") and _begins(out):
+            # Else a sign that follows another stands as far off as between two numbers.
+            sign = _operator("−" if token == "-" else "±")
+            out.append(sign.replace("<mo", '<mo form="prefix"'))
+        else:
+            if token in _FUNCTIONS and out and out[-1].startswith(("<mn", "<ms")):
+                out.append(_THIN)
+            out += _element(token, left, depth)
+    return out
 
-    def __init__(self, latex: str) -> None:
-        tokens = _TOKENS.findall(latex)
-        _Unknown.refuse_if("".join(tokens) != latex, latex)
-        self._left = [token if token.strip() else " " for token in reversed(tokens)]
 
-    def _next(self) -> str:
-        _Unknown.refuse_if(not self._left, "it ends too early")
-        return self._left.pop()
+def _element(token: str, left: list[str], depth: int) -> list[str]:
+    """What a token stands for, with what it takes of those that are left."""
+    if token in _FIXED:
+        return _FIXED[token]
+    if token[0].isdigit():
+        return [f"<mn>{token}</mn>"]
+    if token.isalpha():
+        return [f"<mi>{token}</mi>"]
+    if token == "{":
+        return [f"<mrow>{' '.join(_row(left, depth + 1))}</mrow>"]
+    if token[0] != "\\" and token not in "}^_":
+        return [_operator("−" if token == "-" else token)]
+    command, _, words = token[1:].partition("{")
+    if words:
+        words = escaped(words[:-1])
+        if command == "text":
+            return [f"<mtext>{words}</mtext>"]
+        return [f'<mi mathvariant="normal">{words}</mi>', _THIN][: 1 + (command != "mathrm")]
+    if command == "sqrt":
+        return [f"<msqrt>{''.join(_group(left, depth))}</msqrt>"]
+    if command == "pmod":
+        inner = f"{_operator('(')}<mi>mod</mi> {_SPACE}{''.join(_group(left, depth))}"
+        return [_SPACE, f"<mrow>{inner}{_operator(')')}</mrow>"]
+    raise _Unknown(token)
 
-    def row(self, depth: int) -> list[str]:
-        """Elements up to the brace that closes, or the end."""
-        _Unknown.refuse_if(depth > 12, "too deep")
-        out: list[str] = []
-        while self._left or depth:
-            token = self._next()
-            if token == "}" and depth:
-                break
-            if token == " ":
-                continue
-            if token in ("^", "_") and out:
-                gap = [out.pop()] if len(out) > 1 and out[-1] == _THIN else []
-                out.append(self._script(out.pop(), token, depth))  # cos^2: before its gap
-                out += gap
-            elif token in ("-", r"\pm") and _begins(out):
-                # Else a sign that follows another stands as far off as between two numbers.
-                sign = _operator("−" if token == "-" else "±")
-                out.append(sign.replace("<mo", '<mo form="prefix"'))
-            else:
-                if token in _FUNCTIONS and out and out[-1].startswith(("<mn", "<ms")):
-                    out.append(_THIN)
-                out += self._element(token, depth)
-        return out
 
-    def _element(self, token: str, depth: int) -> list[str]:
-        if token in _FIXED:
-            return _FIXED[token]
-        if token[0].isdigit():
-            return [f"<mn>{token}</mn>"]
-        if token.isalpha():
-            return [f"<mi>{token}</mi>"]
-        if token == "{":
-            return [f"<mrow>{' '.join(self.row(depth + 1))}</mrow>"]
-        if token[0] != "\\" and token not in "}^_":
-            return [_operator("−" if token == "-" else token)]
-        if (command := token[1:]) == "text":
-            return [f"<mtext>{escaped(self._words())}</mtext>"]
-        if command in ("mathrm", "operatorname"):
-            upright = f'<mi mathvariant="normal">{escaped(self._words())}</mi>'
-            return [upright, _THIN] if command == "operatorname" else [upright]
-        if command == "sqrt":
-            return [f"<msqrt>{''.join(self._group(depth))}</msqrt>"]
-        if command == "pmod":
-            inner = f"{_operator('(')}<mi>mod</mi> {_SPACE}{''.join(self._group(depth))}"
-            return [_SPACE, f"<mrow>{inner}{_operator(')')}</mrow>"]
-        raise _Unknown(token)
+def _script(base: str, mark: str, inner: list[str]) -> str:
+    body = inner[0] if len(inner) == 1 else f"<mrow>{''.join(inner)}</mrow>"
+    if body == "<mi>°</mi>":  # a degree sign stands high already
+        return base.replace("</mn>", "°</mn>") if base.startswith("<mn>") else base + body
+    tag = "msup" if mark == "^" else "msub"
+    return f"<{tag}>{base}{body}</{tag}>"
 
-    def _script(self, base: str, mark: str, depth: int) -> str:
-        inner = self._group(depth)
-        body = inner[0] if len(inner) == 1 else f"<mrow>{''.join(inner)}</mrow>"
-        if body == "<mi>°</mi>":  # a degree sign stands high already
-            return base.replace("</mn>", "°</mn>") if base.startswith("<mn>") else base + body
-        tag = "msup" if mark == "^" else "msub"
-        return f"<{tag}>{base}{body}</{tag}>"
 
-    def _group(self, depth: int) -> list[str]:
-        """Return what an index or a power takes: braces, or one token."""
-        token = self._next()
-        while token == " ":
-            token = self._next()
-        if token == "{":
-            return self.row(depth + 1)
-        _Unknown.refuse_if(not (token.isalnum() or token[0] == "\\" or "." in token[1:]), token)
-        return self._element(token, depth + 1)
-
-    def _words(self) -> str:
-        """The plain words in the braces of a text."""
-        words = ""
-        _Unknown.refuse_if(self._next() != "{", "a text without braces")
-        while (token := self._next()) != "}":
-            _Unknown.refuse_if(token == "{" or token[0] == "\\", token)
-            words += token
-        return words
+def _group(left: list[str], depth: int) -> list[str]:
+    """Return what an index or a power takes: braces, or one token."""
+    while (token := left.pop()) == " ":
+        pass
+    if token == "{":
+        return _row(left, depth + 1)
+    _Unknown.refuse_if(not (token.isalnum() or token[0] == "\\" or "." in token[1:]), token)
+    return _element(token, left, depth + 1)
 
 
 def _begins(row: list[str]) -> bool:
