@@ -11,7 +11,7 @@ import pinsing
 from pinsing import plot
 from pinsing.errors import OptionError
 from pinsing.kinematics.jacobian import task_jacobian, tip_placement
-from pinsing.plot.reach import Section, reach_of
+from pinsing.plot.plane import Section, reach_of
 
 HEAD = 'name: arm\nconvention: standard\nunits: {angle: deg, length: m}\nsource: "made"\nrows:\n'
 TURN = "  - {{alpha: {}, a: {}, d: {}, theta: 0, type: revolute, limits: [-180, 180]}}\n"

@@ -13,19 +13,18 @@ if TYPE_CHECKING:
     from pinsing.plot.ellipsoids import ellipsoids as ellipsoids
     from pinsing.plot.plane import (
         aspect_plane as aspect_plane,
+        inverse_count as inverse_count,
         locus as locus,
         sigma_plane as sigma_plane,
         workspace as workspace,
     )
-    from pinsing.plot.reach import inverse_count as inverse_count
 
 public(
     __name__,
     {
         "curves": "sigma_along sigma_curves",
         "ellipsoids": "ellipsoids",
-        "plane": "aspect_plane locus sigma_plane workspace",
-        "reach": "inverse_count",
+        "plane": "aspect_plane inverse_count locus sigma_plane workspace",
     },
     advice={"sigma_map": "pinsing.plot.sigma_plane, or pinsing.sampling.sigma_map"},
     called="pinsing.plot.sigma_plane, pinsing.plot.sigma_curves, pinsing.plot.ellipsoids, ...",
