@@ -188,23 +188,21 @@ def structure(mechanism: Mechanism) -> Structure:
 
 def _legs(mechanism: Mechanism, output: int) -> tuple[Leg, ...]:
     """Connected parts of what remains without base and output."""
-    model = mechanism.model
-    ends = [(int(model.parents[j + 1]), j + 1) for j in range(mechanism.n)]
-    ends += bodies(mechanism)
-    fixed = {0, output}
-    group = list(range(model.njoints))
-    for a, b in ends:
+    n, fixed = mechanism.n, {0, output}
+    edges = [(int(mechanism.model.parents[j + 1]), j + 1) for j in range(n)]
+    edges += bodies(mechanism)
+    group = list(range(n + 1))
+    for a, b in edges:
         if not fixed & {a, b}:
             group = [group[b] if g == group[a] else g for g in group]
-    parts: dict[int, tuple[list[int], list[int]]] = {}
-    for k, (a, b) in enumerate(ends):
-        inner = [x for x in (a, b) if x not in fixed]
-        # An edge from base to output is a leg of its own, known by a number no body has.
-        key = group[inner[0]] if inner else -1 - k
-        joints, loops = parts.setdefault(key, ([], []))
-        (joints if k < mechanism.n else loops).append(k if k < mechanism.n else k - mechanism.n)
-    found = (Leg(tuple(own), tuple(loops), output - 1 in own) for own, loops in parts.values())
-    return tuple(sorted(found, key=lambda leg: leg.joints or (mechanism.n,)))
+    # An edge from base to output is a leg of its own, known by a number no body has.
+    of = [next((group[x] for x in e if x not in fixed), -1 - k) for k, e in enumerate(edges)]
+    legs = []
+    for key in dict.fromkeys(of):
+        joints = tuple(k for k in range(n) if of[k] == key)
+        loops = tuple(k - n for k in range(n, len(of)) if of[k] == key)
+        legs.append(Leg(joints, loops, output - 1 in joints))
+    return tuple(sorted(legs, key=lambda leg: leg.joints or (n,)))
 
 
 def _centres(mechanism: Mechanism, output: int) -> list[Centre]:
@@ -692,17 +690,28 @@ class Ranks:
     output: int  # of the output velocity over all motions
 
 
+@kept
+def passive_joints(mechanism: Mechanism) -> Bool:
+    """Which joints (n,) carry no actuator."""
+    return np.isin(np.arange(mechanism.n), mechanism.passive)
+
+
 def residual(mechanism: Mechanism, q: ArrayLike) -> Array:
     """Return the loop-closure error at q (n,): (k,), metres and radians."""
     return Loops(mechanism).at(mechanism.check(q))[0]
 
 
 def gauss_newton(
-    loops: Loops, q: Array, free: Bool, steps: int = 60, reach: float = np.inf
+    loops: Loops,
+    q: Array,
+    free: Bool | slice = slice(None),
+    steps: int = 60,
+    reach: float = np.inf,
+    across: Array | None = None,
 ) -> tuple[Array, float]:
     """Close the loops by moving ``free`` joints least: configuration and residual."""
-    # Steps are cut at half a radian (half a length scale): else they would jump between assembly
-    # modes.
+    # No further than ``reach``, and without units ``across`` a direction (n,). Steps are cut at
+    # half a radian (half a length scale): else they would jump between assembly modes.
     start, best, q = q, np.inf, q.copy()
     kept = start
     for _ in range(steps):
@@ -711,6 +720,8 @@ def gauss_newton(
         if size >= best and best <= SOLVED:
             break
         best, kept = size, q.copy()
+        if across is not None:
+            G, error = np.vstack([G, across]), np.append(error, 0.0)
         step = np.linalg.lstsq(G[:, free], -error, rcond=1e-11)[0]
         longest = float(np.abs(step).max(initial=0.0))
         if longest > 0.5:
@@ -724,29 +735,6 @@ def gauss_newton(
     return (q, last) if last <= best else (kept, best)
 
 
-def ranks(mechanism: Mechanism) -> Ranks:
-    """Return the generic ranks, from closed configurations drawn at random (seeded).
-
-    Raises
-    ------
-    PinsingError
-        If the loops close nowhere.
-    OptionError
-        If fewer joints are actuated than there are degrees of freedom. More are redundant
-        actuation, and taken as such.
-    """
-    found = _ranks(mechanism)
-    if found.mobility > len(mechanism.actuated):
-        count = len(mechanism.actuated)
-        driven = f"{count} {'joints are' if count > 1 else 'joint is'} actuated"
-        raise OptionError(
-            f"{mechanism.name} has {found.mobility} degrees of freedom, but {driven} "
-            f"({', '.join(mechanism.inputs)}): "
-            f"name_mot must list {found.mobility} or more"
-        )
-    return found
-
-
 def random_closed(mechanism: Mechanism, count: int, rng: np.random.Generator) -> list[Array]:
     """Closed configurations that random starts lead to."""
     reach = np.where(mechanism.prismatic, mechanism.length_scale, np.pi)
@@ -756,7 +744,7 @@ def random_closed(mechanism: Mechanism, count: int, rng: np.random.Generator) ->
 def _closed_from(mechanism: Mechanism, starts: Array) -> list[Array]:
     """Closed configurations that starts (N, n) lead to."""
     loops = Loops(mechanism)
-    found = (gauss_newton(loops, q, np.ones(mechanism.n, dtype=bool)) for q in starts)
+    found = (gauss_newton(loops, q) for q in starts)
     return [mechanism.space.wrap(q) for q, error in found if error <= SOLVED]
 
 
@@ -771,8 +759,7 @@ def _beside_home(mechanism: Mechanism, loops: Loops) -> list[Array]:
     """Return a few closed configurations beside a closed home, on its branch, or none."""
     # Only where fewer constraints are independent there than elsewhere, and motions of a finite
     # length show that this is no single point.
-    everything = np.ones(mechanism.n, dtype=bool)
-    q, error = gauss_newton(loops, mechanism.home, everything)
+    q, error = gauss_newton(loops, mechanism.home)
     if error > SOLVED or np.abs(loops.scaled(mechanism.home)[0]).max() > 1e-6:
         return []
     out = [q]
@@ -785,7 +772,7 @@ def _beside_home(mechanism: Mechanism, loops: Loops) -> list[Array]:
                 return []
             drawn = np.random.default_rng(SEED).normal(size=len(free)) @ free
             start = at + away * drawn / np.linalg.norm(drawn) * loops.column_scale
-            at, error = gauss_newton(loops, start, everything)
+            at, error = gauss_newton(loops, start)
             if error > SOLVED or np.abs((at - start) / loops.column_scale).max() > _STEP / 2:
                 return []
             out.append(at)
@@ -801,7 +788,17 @@ def _rank(M: Array, rtol: float, size: float | None = None) -> int:
 
 
 @kept
-def _ranks(mechanism: Mechanism) -> Ranks:
+def ranks(mechanism: Mechanism) -> Ranks:
+    """Return the generic ranks, from closed configurations drawn at random (seeded).
+
+    Raises
+    ------
+    PinsingError
+        If the loops close nowhere.
+    OptionError
+        If fewer joints are actuated than there are degrees of freedom. More are redundant
+        actuation, and taken as such.
+    """
     idle = idle_link(mechanism)
     PinsingError.refuse_if(idle, f"{mechanism.name}: {idle}")
     loops = Loops(mechanism)
@@ -836,4 +833,11 @@ def _ranks(mechanism: Mechanism) -> Ranks:
             J = loops.output_scaled(q)
             moved = J @ np.linalg.svd(G)[2][rank:].T
             output = max(output, _rank(moved, SINGULAR_RTOL, float(np.linalg.norm(J, 2))))
-    return Ranks(rank, mechanism.n - rank, output)
+    mobility, count = mechanism.n - rank, len(mechanism.actuated)
+    OptionError.refuse_if(
+        mobility > count,
+        f"{mechanism.name} has {mobility} degrees of freedom, but {count} "
+        f"{'joints are' if count > 1 else 'joint is'} actuated ({', '.join(mechanism.inputs)}): "
+        f"name_mot must list {mobility} or more",
+    )
+    return Ranks(rank, mobility, output)

@@ -52,6 +52,7 @@ from pinsing.loops.closure import (
     near_home,
     newton,
     output_pose,
+    passive_joints,
     random_closed,
     ranks,
     structure,
@@ -283,7 +284,7 @@ def _home_starts(mechanism: Mechanism) -> Iterator[tuple[Array, Bool]]:
     """Configurations from which home is sought, and the joints that may move."""
     space, everything = mechanism.space, np.ones(mechanism.n, dtype=bool)
     # The inputs stay as given if they can.
-    yield mechanism.home, np.isin(np.arange(mechanism.n), mechanism.passive)
+    yield mechanism.home, passive_joints(mechanism)
     yield mechanism.home, everything
     rng = np.random.default_rng(SEED)
     yield from ((start, everything) for start in space.sample(_HOME_STARTS, rng))

@@ -22,7 +22,7 @@ from typing import ClassVar
 import numpy as np
 
 from pinsing.errors import OptionError, PinsingError
-from pinsing.loops.closure import Loops, likeness, ranks, same, to_its_size
+from pinsing.loops.closure import Loops, gauss_newton, likeness, ranks, same, to_its_size
 from pinsing.loops.motion import _motions, mode_of
 from pinsing.measures import ALIKE, ROUNDING, SINGULAR_RTOL, SOLVED, Array, ArrayLike, Bool
 from pinsing.robot.mechanism import Mechanism
@@ -139,7 +139,7 @@ class Curve:
     ) -> None:
         self.mechanism, self.index, self.step, self.over = mechanism, index, step, over
         self.loops = Loops(mechanism)
-        self.held = np.eye(mechanism.n)[list(held)]
+        self.free = ~np.isin(np.arange(mechanism.n), held)
         self.units = self.loops.column_scale
         whole = ~mechanism.prismatic & (mechanism.upper - mechanism.lower >= 2 * np.pi - 1e-9)
         self.low = np.where(whole, -np.inf, mechanism.lower) - ROUNDING
@@ -147,26 +147,15 @@ class Curve:
 
     def tangent(self, q: Array, along: Array | None) -> Array:
         """Unit tangent at q; to the side of ``along``, or of greater values of the moving joint."""
-        t = np.linalg.svd(np.vstack([self.loops.scaled(q)[1], self.held]))[2][-1]
+        t = np.zeros(len(q))
+        t[self.free] = np.linalg.svd(self.loops.scaled(q)[1][:, self.free])[2][-1]
         side = t[self.index] if along is None else t @ along
         return np.asarray(t if side >= 0 else -t)
 
     def correct(self, guess: Array, along: Array | None = None) -> Array | None:
         """Nearest closed configuration with the same held inputs, across the tangent; or None."""
-        q = guess.copy()
-        best = np.inf
-        for _ in range(20):
-            error, G = self.loops.scaled(q)
-            size = float(np.abs(error).max())
-            if size <= 1e-14 or (size <= SOLVED and size >= best):
-                return q
-            best = size
-            rows = np.vstack([G, self.held] if along is None else [G, self.held, along])
-            target = np.concatenate([-error, np.zeros(len(rows) - len(error))])
-            q = q + np.linalg.lstsq(rows, target, rcond=1e-11)[0] * self.units
-            if not np.isfinite(q).all() or np.abs(q - guess).max() > 1.0:
-                break
-        return q if float(np.abs(self.loops.scaled(q)[0]).max()) <= SOLVED else None
+        q, error = gauss_newton(self.loops, guess, self.free, 20, 1.0, along)
+        return q if error <= SOLVED else None
 
     def run(self, start: Array, side: Array | None) -> tuple[list[tuple[Array, Array]], bool]:
         """Points and tangents from ``start`` on, and whether the curve came back to it."""

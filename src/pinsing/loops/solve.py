@@ -22,6 +22,7 @@ from pinsing.loops.closure import (
     groups,
     likeness,
     output_pose,
+    passive_joints,
     ranks,
     structure,
 )
@@ -141,8 +142,7 @@ def follow(
         One a point; where the path leaves the feasible range the rest has ``converged`` false.
     """
     path = np.atleast_2d(mechanism.check_inputs(path))
-    loops = Loops(mechanism)
-    free = np.isin(np.arange(mechanism.n), mechanism.passive)
+    loops, free = Loops(mechanism), passive_joints(mechanism)
     actuated = list(mechanism.actuated)
     q = home(mechanism) if start is None else mechanism.check(start)
     q, error = gauss_newton(loops, q, free)
@@ -229,7 +229,7 @@ def curves(
     actuated = list(mechanism.actuated)
     start = mechanism.home.copy()
     start[actuated] = inputs
-    passive = np.isin(np.arange(mechanism.n), mechanism.passive)
+    passive = passive_joints(mechanism)
     free = passive | (np.arange(mechanism.n) == actuated[moving])
     rng = np.random.default_rng(seed)
     out: list[Trace] = []
@@ -324,9 +324,9 @@ def drive(mechanism: Mechanism, inputs: ArrayLike, start: ArrayLike) -> Solution
     here = motions(mechanism, q)
     if here.input_ratio > 1e-6 or np.array_equal(inputs, q[list(mechanism.actuated)]):
         return solve(mechanism, inputs, q)
-    loops, everything = Loops(mechanism), np.ones(mechanism.n, dtype=bool)
+    loops = Loops(mechanism)
     along = here.basis @ np.linalg.svd(here.inputs)[2][-1] * loops.column_scale
-    sides = [gauss_newton(loops, q + side * 0.02 * along, everything)[0] for side in (1, -1)]
+    sides = [gauss_newton(loops, q + side * 0.02 * along)[0] for side in (1, -1)]
     found = [solve(mechanism, inputs, way) for way in sides]
     return max(found, key=lambda s: (round(s.reached, 3), assembly_sign(mechanism, s.q) == "+"))
 
@@ -438,8 +438,7 @@ def assembly_modes(
             f"{mechanism.name}: {mechanism.inputs[k]} = {asked[k]:.6g} is outside its limits: take "
             "another value, or ignore the limits (--ignore-limits, without_limits())"
         )
-    passive = np.isin(np.arange(mechanism.n), mechanism.passive)
-    return _sought(mechanism, begin, passive, None, starts, seed)
+    return _sought(mechanism, begin, passive_joints(mechanism), None, starts, seed)
 
 
 @checked
@@ -527,7 +526,7 @@ def _noun(problem: str, count: int) -> str:
 def _exact(mechanism: Mechanism, problem: str, found: tuple[Array, ...], most: int) -> Modes:
     inside = [q for q in found if not mechanism.space.unreachable(q).any()]
     beyond = len(found) - len(inside)
-    solved = (_solution(mechanism, q, 1) for q in inside)
+    solved = (_solution(mechanism, q, 1, exact=True) for q in inside)
     modes = tuple(sorted(solved, key=lambda s: _order(s, mechanism)))
     words = f"{_noun(problem, len(modes))}: all there are, by the intersection of circles"
     words = f"{len(modes)} {words}" + f"; {beyond} more beyond the joint limits" * (beyond > 0)
@@ -559,7 +558,7 @@ def _sought(
             for leg, one in zip(structure(mechanism).legs, choice, strict=True):
                 q[list(leg.joints)] = one.q[list(leg.joints)]
             ways = int(np.prod([one.ways for one in choice]))
-            pairs.append((_solution(mechanism, q, ways, free), hits[k]))
+            pairs.append((_solution(mechanism, q, ways), hits[k]))
             moving += any(one.loose for one in choice)
     cut = len(pairs) > _MOST
     pairs = sorted(pairs[:_MOST], key=lambda x: _order(x[0], mechanism))
@@ -613,7 +612,6 @@ def _poses(loops: BatchLoops, Q: Array) -> tuple[list[Array], list[int]]:
     # At a double solution (type 2) Newton's method has half of the digits, and one looks like
     # several: poses that lie close are brought nearer first.
     mechanism = loops.mechanism
-    passive = np.isin(np.arange(mechanism.n), mechanism.passive)
     poses, hits = Q, np.ones(len(Q), dtype=int)
     for again in (True, False):
         R, p, _ = loops.output(poses)
@@ -624,17 +622,16 @@ def _poses(loops: BatchLoops, Q: Array) -> tuple[list[Array], list[int]]:
         hits = np.array([hits[group].sum() for group in alike], dtype=int)
         gaps = np.abs(marks[:, None] - marks[None]).max(axis=-1) + np.eye(len(poses))
         for k in np.flatnonzero((gaps <= 1e-3).any(axis=1)).tolist() if again else ():
-            poses[k], _ = gauss_newton(Loops(mechanism), poses[k], passive)
+            poses[k], _ = gauss_newton(Loops(mechanism), poses[k], passive_joints(mechanism))
     return list(poses), hits.tolist()
 
 
-def _solution(mechanism: Mechanism, q: Array, ways: int, free: Bool | None = None) -> Solution:
+def _solution(mechanism: Mechanism, q: Array, ways: int, exact: bool = False) -> Solution:
     loops = Loops(mechanism)
-    if free is not None:
-        passive = np.isin(np.arange(mechanism.n), mechanism.passive)
-        q, error = gauss_newton(loops, q, passive if passive.any() else free, steps=8)
+    if not exact:
+        q, error = gauss_newton(loops, q, passive_joints(mechanism), steps=8)
         if error > SOLVED:
-            q, _ = gauss_newton(loops, q, np.ones(mechanism.n, dtype=bool), steps=8)
+            q, _ = gauss_newton(loops, q, steps=8)
     q = mechanism.space.fold(q)
     return Solution(
         inputs=q[list(mechanism.actuated)],
