@@ -14,7 +14,7 @@ import numpy as np
 from pinsing.algebra.budget import Stages
 from pinsing.arguments import checked, typed
 from pinsing.errors import OptionError
-from pinsing.loops.closure import Ranks, output_pose, ranks, without_length
+from pinsing.loops.closure import BatchLoops, Ranks, output_pose, ranks, without_length
 from pinsing.loops.forms import SHORT, JointForms, PoseForms
 from pinsing.loops.joint_loci import joint_forms
 from pinsing.loops.legs import why_no_rods
@@ -25,6 +25,7 @@ from pinsing.loops.motion import (
     home,
     home_error,
     home_outside,
+    measure_many,
     mechanism_at,
     motions,
     pose_of,
@@ -581,8 +582,12 @@ def _along(
     mechanism: Mechanism, moved: Mechanism, inputs: Array, moving: int, stages: Stages
 ) -> tuple[tuple[Trace, ...], tuple[Interval, ...], tuple[SingularPoint, ...]]:
     """The curves of one input, its range, and what is singular along them."""
-    found = curves(moved, inputs, moving, over=lambda: stages.over)
-    points = find_singular(mechanism, _measured(mechanism, moved, found), over=lambda: stages.over)
+    found = judged = curves(moved, inputs, moving, over=lambda: stages.over)
+    if moved is not mechanism:
+        # With the measures that all actuators together give.
+        loops, k = BatchLoops(mechanism), mechanism.actuated.index(moved.actuated[moving])
+        judged = tuple(replace(t, input_ratio=measure_many(loops, t.q)[1], moving=k) for t in found)
+    points = find_singular(mechanism, judged, over=lambda: stages.over)
     return found, intervals(moved, found, moving), points
 
 
@@ -599,22 +604,6 @@ def independent_inputs(mechanism: Mechanism, generic: Ranks, q: Array) -> Mechan
         ):
             chosen.append(k)
     return mechanism.with_actuated([mechanism.inputs[k] for k in chosen])
-
-
-def _measured(
-    mechanism: Mechanism, moved: Mechanism, found: tuple[Trace, ...]
-) -> tuple[Trace, ...]:
-    """Curves with the measures that all actuators together give."""
-    if moved is mechanism:
-        return found
-    return tuple(
-        replace(
-            t,
-            input_ratio=np.array([motions(mechanism, q).input_ratio for q in t.q]),
-            moving=mechanism.actuated.index(moved.actuated[t.moving]),
-        )
-        for t in found
-    )
 
 
 def _checks(

@@ -462,25 +462,12 @@ def _motions(loops: Loops, q: Array, rtol: float) -> Motions:
 
 def _measured(mechanism: Mechanism, G: Array, J: Array, rtol: float) -> Motions:
     """From the constraint Jacobian (k, n) and the output's (m, n), without units."""
-    generic = ranks(mechanism)
-    _, sigma, Vt = np.linalg.svd(G, full_matrices=True)
-    r = generic.constraint
-    ratio = float(sigma[r - 1] / sigma[0]) if sigma[0] > 0 else 0.0
-    N = Vt[r if ratio > rtol else int((sigma > rtol * sigma[0]).sum()) :].T
-    inputs = N[list(mechanism.actuated)]
-    outputs = J @ N
-    size = float(np.linalg.norm(J, 2))
-    sigma_in = np.linalg.svd(inputs, compute_uv=False)
-    sigma_out = np.linalg.svd(outputs, compute_uv=False)
-    d = N.shape[1]
-    return Motions(
-        basis=N,
-        inputs=inputs,
-        outputs=outputs,
-        constraint_ratio=ratio,
-        input_ratio=float(sigma_in[d - 1]) if d <= len(sigma_in) else 0.0,
-        output_ratio=float(sigma_out[generic.output - 1] / size) if size > 0 else 0.0,
-    )
+    _, sigma, Vt = np.linalg.svd(G)
+    r = ranks(mechanism).constraint
+    generic = sigma[r - 1] > rtol * sigma[0]
+    N = Vt[r if generic else int((sigma > rtol * sigma[0]).sum()) :].T
+    one, two, constraint = _ratios(mechanism, sigma, N, J).tolist()
+    return Motions(N, N[list(mechanism.actuated)], J @ N, constraint, two, one)
 
 
 def input_output(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array]:
@@ -666,37 +653,39 @@ def measure_many(loops: BatchLoops, Q: Array, rtol: float = SINGULAR_RTOL) -> Ar
     mechanism = loops.mechanism
     placed = loops.place(Q)
     J = loops.output(Q, placed)[2][:, list(mechanism.task.rows)]
-    ratios = _ratios(mechanism, loops.closure(Q, placed=placed)[1], J)
+    ratios = _ratios_of_many(mechanism, loops.closure(Q, placed=placed)[1], J)
     beside = ratios.min(axis=0) <= NEAR_RTOL
     beside[beside] = locked(loops, Q[beside])
     if beside.any():  # a ball that is locked as written turns as a ball does
-        ratios[:, beside] = _ratios(mechanism, *ball_jacobians(loops, Q[beside]))
+        ratios[:, beside] = _ratios_of_many(mechanism, *ball_jacobians(loops, Q[beside]))
     for k in np.flatnonzero(ratios[2] <= rtol).tolist():  # more motions than the mobility; few are
         ratios[:, k] = motions(mechanism, Q[k], rtol).ratios
     return ratios
 
 
-def _ratios(mechanism: Mechanism, G: Array, J: Array) -> Array:
+def _ratios_of_many(mechanism: Mechanism, G: Array, J: Array) -> Array:
     """Measures (3, N), in their order, from Jacobians of closure (N, k, n) and output (N, m, n)."""
-    generic = ranks(mechanism)
-    r = generic.constraint
+    r = ranks(mechanism).constraint
     # Where as many rows as the rank are not zero, G' = Q R has both singular values and kernel in
     # two thirds of the time: the values of R, the last columns of Q.
     rows = np.flatnonzero(np.abs(G).max(axis=(0, 2)) > 1e-12)
     if len(rows) == r:
         Q, R = np.linalg.qr(np.swapaxes(G[:, rows], 1, 2), mode="complete")
-        sigma, N = np.linalg.svd(R[:, :r], compute_uv=False), Q[:, :, r:]
-    else:
-        _, sigma, Vt = np.linalg.svd(G, full_matrices=True)
-        N = np.swapaxes(Vt[:, r:], 1, 2)
-    top, d = sigma[:, 0], N.shape[2]
-    size = np.sqrt(np.maximum(np.linalg.eigvalsh(J @ np.swapaxes(J, 1, 2))[:, -1], 0.0))
+        return _ratios(mechanism, np.linalg.svd(R[:, :r], compute_uv=False), Q[:, :, r:], J)
+    _, sigma, Vt = np.linalg.svd(G)
+    return _ratios(mechanism, sigma, np.swapaxes(Vt[:, r:], 1, 2), J)
+
+
+def _ratios(mechanism: Mechanism, sigma: Array, N: Array, J: Array) -> Array:
+    """Measures (3, ...): of closure the singular values (..., k), of motions N (..., n, d)."""
+    generic, top, d = ranks(mechanism), sigma[..., 0], N.shape[-1]
+    size = np.sqrt(np.maximum(np.linalg.eigvalsh(J @ np.swapaxes(J, -1, -2))[..., -1], 0.0))
     moved = np.linalg.svd(J @ N, compute_uv=False)
-    held = np.linalg.svd(N[:, list(mechanism.actuated)], compute_uv=False)
-    two = held[:, d - 1] if d <= held.shape[1] else np.zeros(len(G))
+    held = np.linalg.svd(N[..., list(mechanism.actuated), :], compute_uv=False)
+    two = held[..., d - 1] if d <= held.shape[-1] else np.zeros_like(top)
     with np.errstate(divide="ignore", invalid="ignore"):
-        one = np.where(size > 0, moved[:, generic.output - 1] / size, 0.0)
-        constraint = np.where(top > 0, sigma[:, r - 1] / top, 0.0)
+        one = np.where(size > 0, moved[..., generic.output - 1] / size, 0.0)
+        constraint = np.where(top > 0, sigma[..., generic.constraint - 1] / top, 0.0)
     return np.array([one, two, constraint], dtype=float)
 
 

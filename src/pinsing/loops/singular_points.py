@@ -22,8 +22,16 @@ from typing import ClassVar
 import numpy as np
 
 from pinsing.errors import OptionError, PinsingError
-from pinsing.loops.closure import Loops, gauss_newton, likeness, ranks, same, to_its_size
-from pinsing.loops.motion import _motions, mode_of
+from pinsing.loops.closure import (
+    BatchLoops,
+    Loops,
+    gauss_newton,
+    likeness,
+    ranks,
+    same,
+    to_its_size,
+)
+from pinsing.loops.motion import _motions, measure_many, mode_of
 from pinsing.measures import ALIKE, ROUNDING, SINGULAR_RTOL, SOLVED, Array, ArrayLike, Bool
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
@@ -113,14 +121,14 @@ def trace(
         behind, _ = path.run(q, -points[0][1])
         points = [(p, -t) for p, t in reversed(behind[1:])] + points
     Q = np.array([p for p, _ in points])
-    measured = [_motions(path.loops, p, SINGULAR_RTOL) for p in Q]
+    output_ratio, input_ratio, constraint_ratio = measure_many(BatchLoops(mechanism), Q)
     return Trace(
         moving=moving,
         q=Q,
         direction=np.array([t for _, t in points]),
-        constraint_ratio=np.array([m.constraint_ratio for m in measured]),
-        input_ratio=np.array([m.input_ratio for m in measured]),
-        output_ratio=np.array([m.output_ratio for m in measured]),
+        constraint_ratio=constraint_ratio,
+        input_ratio=input_ratio,
+        output_ratio=output_ratio,
         closed=closed,
         held=held,
     )
@@ -324,7 +332,7 @@ def find_singular(
             if (point := refined(mechanism, t, kind, k, rtol)) is not None:
                 asked = ("type 1", "type 2") if point.kind == "type 3" else (point.kind,)
                 whole = all(bool((t.measures[k] <= ROUNDING).all()) for k in asked)
-                _add(mechanism, found, replace(point, whole_curve=whole))
+                found.append(replace(point, whole_curve=whole))
     once = _of_one_mode(mechanism, found)
     return tuple(sorted(once, key=lambda p: (p.moving, p.kind, *np.round(p.inputs, 9))))
 
@@ -347,29 +355,24 @@ def _of_one_mode(mechanism: Mechanism, found: list[SingularPoint]) -> list[Singu
             continue
         mark = likeness(mechanism, point.q)
         for k, (other, seen) in enumerate(zip(marks, out, strict=True)):
+            again = np.abs(mechanism.space.wrap(point.q - seen.q)).max() <= ALIKE
             # Where two of a kind meet, Newton ends with half the digits.
             close = point.kind == seen.kind and bool(
                 np.abs(point.inputs - seen.inputs).max() <= 1e-6
                 and np.abs(mark - other).max() <= 5e-3
             )
-            if same(mark, other) or close:
-                if point.ratio < seen.ratio:
+            if again or close or same(mark, other):
+                better = point.ratio < seen.ratio
+                if again:
+                    # Found as type 1 and as type 2: what both say together is the kind.
+                    better = point.range_end > seen.range_end and point.kind == seen.kind
+                if better:
                     out[k], marks[k] = point, mark
                 break
         else:
             out.append(point)
             marks.append(mark)
     return out
-
-
-def _add(mechanism: Mechanism, found: list[SingularPoint], point: SingularPoint) -> None:
-    for i, other in enumerate(found):
-        if np.abs(mechanism.space.wrap(point.q - other.q)).max() <= ALIKE:
-            # Found as type 1 and as type 2: what both say together is the kind.
-            if point.range_end and not other.range_end and point.kind == other.kind:
-                found[i] = point
-            return
-    found.append(point)
 
 
 def turns(t: Trace, index: int) -> list[int]:

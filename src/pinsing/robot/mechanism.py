@@ -18,7 +18,7 @@ freedom of the mechanism. One passive hinge is held where it is at home, and tha
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -409,9 +409,7 @@ class _SpanningTree:
     def __init__(self, mechanism: Mechanism, keep_output: bool) -> None:
         self.mechanism, model, n = mechanism, mechanism.model, mechanism.n
         output = int(model.frames[mechanism.output_id].parentJoint) if keep_output else -1
-        after: list[list[int]] = [[] for _ in range(n + 1)]
-        for j in range(n):
-            after[int(model.parents[j + 1])].append(j)
+        after = [[int(child) - 1 for child in children] for children in model.children]
         # Of each body the frames that loops hold there, those they hold them to, and how.
         self.cuts: list[list[tuple[int, int, str]]] = [[] for _ in range(n + 1)]
         for loop, a, b in zip(mechanism.loops, *closing(mechanism), strict=True):
@@ -428,19 +426,16 @@ class _SpanningTree:
             else None
             for j in range(n)
         ]
-        # The run of each joint that ends one, and of each joint its run and place there.
-        self.runs: dict[int, list[int]] = {}
-        self.place: dict[int, tuple[list[int], int]] = {}
-        for j in (j for j in range(n) if j not in behind):
-            run = [j]
+        runs = [[j] for j in range(n) if j not in behind]
+        for run in runs:
             while (following := behind[run[-1]]) is not None:
                 run.append(following)
-            self.runs[run[-1]] = run
-            self.place |= {joint: (run, k) for k, joint in enumerate(run)}
+        # Of each joint its run and place there.
+        self.place = {j: (run, k) for run in runs for k, j in enumerate(run)}
         # Runs that end in one loop and nothing else.
         self.ends = {
             j: self.cuts[j + 1][0]
-            for j in self.runs
+            for *_, j in runs
             if j + 1 != output and not after[j + 1] and len(self.cuts[j + 1]) == 1
         }
         # By its first joint, three passive hinges, and the points (samples, 3) where axes meet.
@@ -552,27 +547,16 @@ def replaced_joints(model: pin.Model, keys: dict[str, YamlNode]) -> pin.Model:
     for one, other in (("joint_name", "joint_type"), ("joint_type", "joint_name")):
         if one not in keys:
             raise keys[other].error(f"missing key {one!r}: {other} needs it beside it")
-    names, kinds = (_entries(keys[k]) for k in ("joint_name", "joint_type"))
+    names, kinds = (
+        [] if keys[k].empty_list else keys[k].items("joint") for k in ("joint_name", "joint_type")
+    )
     keys["joint_type"].refuse_if(
         len(names) != len(kinds), f"{len(names)} joints need {len(names)} types, found {len(kinds)}"
     )
-    wanted: dict[str, str] = {}
     known = tuple(model.names)[1:]
-    for name, kind in zip(names, kinds, strict=True):
-        text, word = name.text(), kind.text().upper()
-        if text not in known:
-            raise name.error(f"unknown joint {text[:60]!r}: {suggestion(text, known)}")
-        if text in wanted:
-            raise name.error(f"joint {text!r} is given twice: remove one")
-        if word not in _TURNS:
-            raise kind.error(f"unknown value {word[:60]!r}: {suggestion(word, tuple(_TURNS))}")
-        wanted[text] = _TURNS[word]
+    turns = [_TURNS[_one_of(kind, "value", tuple(_TURNS), str.upper)] for kind in kinds]
+    wanted = dict(zip([known[k] for k in _numbered(names, known)], turns, strict=True))
     return _rebuilt(model, wanted) if wanted else model
-
-
-def _entries(node: YamlNode) -> list[YamlNode]:
-    """Entries of a list that may be empty."""
-    return [] if node.empty_list else node.items("joint")
 
 
 def _rebuilt(model: pin.Model, wanted: dict[str, str]) -> pin.Model:
@@ -796,23 +780,23 @@ def _limits(model: pin.Model) -> tuple[Array, Array, Bool]:
     return np.array(lower), np.array(upper), np.array(prismatic, dtype=bool)
 
 
+def _one_of(
+    node: YamlNode, what: str, known: Sequence[str], change: Callable[[str], str] = str
+) -> str:
+    """The text of a node, changed, which must be one of the known ones."""
+    text = change(node.text())
+    if text not in known:
+        raise node.error(f"unknown {what} {text[:60]!r}: {suggestion(text, known)}")
+    return text
+
+
 def _frame(node: YamlNode, model: pin.Model) -> str:
-    name = node.text()
-    names = [frame.name for frame in model.frames if frame.name != "universe"]
-    if name not in names:
-        raise node.error(f"unknown frame {name[:60]!r}: {suggestion(name, names)}")
-    return name
+    return _one_of(node, "frame", [f.name for f in model.frames if f.name != "universe"])
 
 
 def _loops(pairs: YamlNode, kinds: YamlNode, model: pin.Model) -> tuple[Loop, ...]:
     frames = [entry.items("frame", 2) for entry in pairs.items("loop")]
-    names = tuple(LOOP_KINDS)
-    words = []
-    for kind in kinds.items("type"):
-        word = kind.text().lower()
-        if word not in names:
-            raise kind.error(f"unknown value {kind.text()[:60]!r}: {suggestion(word, names)}")
-        words.append(word)
+    words = [_one_of(kind, "value", tuple(LOOP_KINDS), str.lower) for kind in kinds.items("type")]
     kinds.refuse_if(
         len(words) != len(frames),
         f"{len(frames)} loops need {len(frames)} types, found {len(words)}",
@@ -829,16 +813,19 @@ def _loops(pairs: YamlNode, kinds: YamlNode, model: pin.Model) -> tuple[Loop, ..
     return tuple(found)
 
 
-def _actuated(node: YamlNode, joints: tuple[str, ...]) -> tuple[int, ...]:
+def _numbered(nodes: Sequence[YamlNode], joints: tuple[str, ...]) -> tuple[int, ...]:
+    """Numbers of joints that are named, each once."""
     found: list[int] = []
-    for entry in node.items("joint"):
-        name = entry.text()
-        if name not in joints:
-            raise entry.error(f"unknown joint {name[:60]!r}: {suggestion(name, joints)}")
-        if joints.index(name) in found:
-            raise entry.error(f"joint {name!r} is given twice: remove one")
-        found.append(joints.index(name))
+    for node in nodes:
+        k = joints.index(_one_of(node, "joint", joints))
+        node.refuse_if(k in found, f"joint {joints[k]!r} is given twice: remove one")
+        found.append(k)
+    return tuple(found)
+
+
+def _actuated(node: YamlNode, joints: tuple[str, ...]) -> tuple[int, ...]:
+    found = _numbered(node.items("joint"), joints)
     node.refuse_if(
         len(found) == len(joints), "every joint is actuated: a closed loop needs passive joints"
     )
-    return tuple(found)
+    return found
