@@ -23,6 +23,7 @@ from pinsing.plot.mechanism import (
     PLUS,
     TYPE_1,
     draw_linkage,
+    driven_bodies,
     input_map,
     is_left,
     map_legend,
@@ -231,6 +232,19 @@ def test_a_map_over_the_inputs_is_of_the_output_and_not_of_the_pin(tmp_path):
             assert state.output_ratio < 0.03
             told += 1
     assert told > 20
+
+
+@pytest.mark.parametrize(
+    ("name", "links"),
+    [("four_bar", ["crank"]), ("planar_3rpr", ["1", "2", "3"]), ("five_bar", ["q1", "q2"])],
+)
+def test_driven_links_alone_are_blue(name: str, links: list[str]) -> None:
+    mechanism = shipped(name)
+    driven = {mechanism.joints[body - 1] for body in driven_bodies(mechanism)}
+    assert set(mechanism.inputs) <= driven
+    # A slide lengthens both its links; of what turns only the crank itself is driven.
+    assert len(driven) == len(links) * (1 + mechanism.prismatic.any())
+    assert all(any(x in joint for x in links) for joint in driven)
 
 
 def test_what_stands_upright_is_drawn_over_x_and_z(tmp_path):

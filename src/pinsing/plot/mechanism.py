@@ -42,7 +42,7 @@ from pinsing.loops.solve import (
     curves,
     working_modes,
 )
-from pinsing.measures import ALIKE, ROUNDING, Array, ArrayLike, Bool, Ints, NDArray
+from pinsing.measures import ALIKE, ROUNDING, Array, ArrayLike, Bool, NDArray
 from pinsing.plot.style import DASHES, pi_ticks, plain, unit
 from pinsing.postures.joint_map import connected
 from pinsing.prose import unbroken
@@ -172,25 +172,8 @@ def draw_linkage(
     ax = plt.subplots()[1] if ax is None else ax
     q = mechanism.check(q)
     plane = list(drawing_plane(mechanism) or (0, 1))
-    driven = [j for j, parent in enumerate(mechanism.model.parents) if j and parent == 0]
-    for body, points, output in bodies(mechanism, q):
-        if body == 0:
-            continue
-        shade = _DRIVEN if body in driven else _LINK
-        ends = points[[group[0] for group in groups(points, ROUNDING)]][:, plane]
-        if len(ends) > 2:
-            ax.fill(*_around(ends).T, facecolor=_PLATE, edgecolor=shade, lw=3.2, zorder=2)
-        else:
-            ax.plot(*ends.T, color=shade, lw=3.2, zorder=2)
-        ax.plot(*ends.T, "o", color=_NODE, ms=4, zorder=3)
-        first = body in driven
-        ax.plot(
-            *points[0, plane], "s" if first else "o", color=_NODE, ms=7 if first else 5, zorder=3
-        )
-        if output is not None and len(ends) > 2:
-            ax.plot(*np.array([ends.mean(axis=0), output[plane]]).T, color=shade, lw=1.4, zorder=2)
     P = np.array(output_pose(mechanism, q).translation)[plane]
-    ax.plot(*P, "o", color=_OUTPUT, ms=7, zorder=5)
+    _draw_links(mechanism, q, ax, plane)
     rows = list(mechanism.task.rows)
     if ellipse > 0 and set(plane) <= set(rows):
         _velocity(ax, mechanism, q, P, [rows.index(row) for row in plane], ellipse)
@@ -273,27 +256,41 @@ def drawing_plane(mechanism: Mechanism) -> tuple[int, int] | None:
     return drawn if across.max() >= 1 - 1e-6 else None
 
 
-def draw_space_linkage(mechanism: Mechanism, q: Array, ax: Any) -> None:
-    """Draw a closed configuration q (n,) into 3D axes: what is driven in blue, the output red."""
-    driven = {j + 1 for j in mechanism.actuated}
-    for body, points, output in bodies(mechanism, q):
-        corners = points[[group[0] for group in groups(points, ROUNDING)]]
+def _draw_links(mechanism: Mechanism, q: Array, ax: Any, shown: list[int]) -> None:
+    """Draw links into plane axes, two of the base's, or 3D ones: what is driven in blue."""
+    flat, driven, links = len(shown) == 2, driven_bodies(mechanism), bodies(mechanism, q)
+    for body, points, output in links[1:] if flat else links:  # the first is the base
+        corners = points[[group[0] for group in groups(points, ROUNDING)]][:, shown]
         color = _DRIVEN if body in driven else _LINK
-        if len(corners) > 2:
+        if len(corners) > 2 and flat:
+            ax.fill(*_around(corners).T, facecolor=_PLATE, edgecolor=color, lw=3.2, zorder=2)
+        elif len(corners) > 2:
             face = _GROUND if body == 0 else _PLATE
             plate = Poly3DCollection(
                 [_around(corners)], facecolor=face, edgecolor=_NODE, alpha=0.75, linewidths=1.2
             )
             ax.add_collection3d(plate)
-        elif len(corners) == 2 and body > 0:
-            ax.plot(*corners.T, color=color, lw=2.6, solid_capstyle="round")
-        elif len(corners) == 2:
+        elif body > 0:
+            ax.plot(*corners.T, color=color, lw=3.2 if flat else 2.6, solid_capstyle="round")
+        else:
             ax.plot(*corners.T, color=_NODE, lw=1.0, ls=":")
-        ax.plot(*corners.T, ls="", marker="o", color=_NODE, ms=3)
+        ax.plot(*corners.T, ls="", marker="o", color=_NODE, ms=4 if flat else 3, zorder=3)
+        if flat and mechanism.model.parents[body] == 0:
+            ax.plot(*corners[0], "s", color=_NODE, ms=7, zorder=3)
         if output is not None:
             if len(corners) > 2:
-                ax.plot(*np.array([corners.mean(axis=0), output]).T, color=color, lw=1.2)
-            ax.plot(*output[:, None], ls="", marker="o", color=_OUTPUT, ms=5)
+                ax.plot(*np.array([corners.mean(axis=0), output[shown]]).T, color=color, lw=1.3)
+            ax.plot(*output[shown, None], "o", color=_OUTPUT, ms=7 if flat else 5, zorder=5)
+
+
+def driven_bodies(mechanism: Mechanism) -> set[int]:
+    """Bodies (joints of the model) that actuators move: a slide lengthens both its links."""
+    parents = mechanism.model.parents
+    return {
+        body
+        for j in mechanism.actuated
+        for body in ([j + 1, int(parents[j + 1])] if mechanism.prismatic[j] else [j + 1])
+    }
 
 
 def bodies(mechanism: Mechanism, q: Array) -> list[tuple[int, Array, Array | None]]:
@@ -526,7 +523,7 @@ def _draw(
         for axis in (ax.xaxis, ax.yaxis):
             axis.label.set_fontsize(_SMALL)
         return
-    draw_space_linkage(mechanism, q, ax)
+    _draw_links(mechanism, q, ax, [0, 1, 2])
     ax.set(**{f"{letter}lim": ends for letter, ends in zip("xyz", box.T, strict=True)})
     ax.set(xticklabels=[], yticklabels=[], zticklabels=[])
     ax.set_box_aspect(box[1] - box[0])
@@ -580,33 +577,28 @@ def regions(
     largest first, 0 where nothing is reached or a region is a few cells; of each region it is told
     whether the product of the left sides is positive.
     """
-    from scipy.ndimage import label
+    from scipy import ndimage
 
     pattern = np.zeros(inside.shape, dtype=int)
     for k, left in enumerate(left_sides):
         pattern += (left > 0).astype(int) << k
-    found: list[tuple[int, Bool, bool]] = []
-    for value in np.unique(pattern[inside]).tolist():
-        numbers, count = label(inside & (pattern == value))
-        even = (len(left_sides) - int(value).bit_count()) % 2 == 0
-        for members in _joined(numbers, count, turns):
-            cells = np.isin(numbers, members)
-            if int(cells.sum()) >= LEAST:
-                found.append((int(cells.sum()), cells, even))
-    found.sort(key=lambda x: -x[0])
+    key = np.where(inside, pattern, -1)
+    label, meet = np.zeros(inside.shape, dtype=int), [np.zeros((0, 2), dtype=int)]
+    for value in np.unique(key):
+        numbers, _ = ndimage.label(key == value)
+        label += np.where(numbers > 0, numbers + label.max(), 0)
+    for turns_round, rows, numbers in zip(turns, (key, key.T), (label, label.T), strict=True):
+        if turns_round:  # regions that meet across a whole turn are one
+            meet.append(numbers[rows[:, 0] == rows[:, -1]][:, [0, -1]])
+    label = connected(int(label.max()) + 1, *np.concatenate(meet).T)[label]
+    found, first, sizes = np.unique(label, return_index=True, return_counts=True)
+    signs = key.ravel()[first]
+    order = np.argsort(-sizes, kind="stable").tolist()
+    kept = [k for k in order if signs[k] >= 0 and sizes[k] >= LEAST]
     out = np.zeros(inside.shape, dtype=int)
-    for k, (_, cells, _) in enumerate(found, 1):
-        out[cells] = k
-    return out, [even for _, _, even in found]
-
-
-def _joined(numbers: NDArray[np.int_], count: int, turns: tuple[bool, bool]) -> list[Ints]:
-    """Numbers of regions, those together that meet across a whole turn."""
-    sides = [numbers[:, [0, -1]]] * turns[0] + [numbers[[0, -1]].T] * turns[1]
-    meet = np.concatenate([np.zeros((0, 2), dtype=int), *sides])
-    meet = meet[(meet > 0).all(axis=1)] - 1
-    group = connected(count, *meet.T)
-    return [np.flatnonzero(group == k) + 1 for k in np.unique(group)]
+    for number, k in enumerate(kept, 1):
+        out[label == found[k]] = number
+    return out, [(len(left_sides) - int(signs[k]).bit_count()) % 2 == 0 for k in kept]
 
 
 def colors(positive: Sequence[bool]) -> list[str]:
