@@ -68,15 +68,8 @@ def four_bar(
     )
     if driven == "rocker":
         # The crank's own link carries the output.
-        model.addFrame(
-            pin.Frame(
-                "crank_link",
-                model.getJointId("crank"),
-                0,
-                pin.SE3.Identity(),
-                pin.FrameType.OP_FRAME,
-            )
-        )
+        joint, place = model.getJointId("crank"), pin.SE3.Identity()
+        model.addFrame(pin.Frame("crank_link", joint, 0, place, pin.FrameType.OP_FRAME))
     return from_model(
         model,
         [Loop("one_end", "two_end", "3d")],
@@ -94,7 +87,7 @@ def from_model(
     from pinsing.robot.task import parse_task
 
     joints = tuple(model.names)[1:]
-    n = len(joints)
+    n, kept = len(joints), tuple(range(1, model.njoints))
     return Mechanism(
         name=model.name,
         model=model,
@@ -109,16 +102,7 @@ def from_model(
         length_scale=1.0,
         home=np.linspace(0.4, 1.1, n),
         notes=(),
-        source=Source(
-            label="test",
-            path=None,
-            shapes=None,
-            full_model=model,
-            locked=(),
-            kept=tuple(range(1, model.njoints)),
-            reference=pin.neutral(model),
-            base="universe",
-        ),
+        source=Source("test", None, None, model, (), kept, pin.neutral(model), "universe"),
     )
 
 
