@@ -438,27 +438,19 @@ def quiet_backend() -> None:
 
 def map_planes(arm: Arm, families: Sequence[Family]) -> list[tuple[int, int]]:
     """Return up to two pairs of joints (indices) over which maps show the most."""
-    # The first pair shows the most families, the second the most curves that need both joints.
-    pairs = list(combinations(range(arm.n), 2))
-    if not pairs:
+
+    def counts(pair: tuple[int, int]) -> tuple[int, int]:
+        """How many families show, and how many of them as curves that need both joints."""
+        shown = [[b for b in f.branches if _shows(b, pair)] for f in families]
+        both = [any(set(pair) <= set(e.involved) for b in x for e in b.equations) for x in shown]
+        return sum(map(bool, shown)), sum(both)
+
+    found = {pair: counts(pair) for pair in combinations(range(arm.n), 2)}
+    first = max(found, key=lambda pair: found[pair], default=None)
+    if first is None or not found[first][0]:
         return []
-
-    def shown(pair: tuple[int, int]) -> list[int]:
-        return [k for k, f in enumerate(families) if any(_shows(b, pair) for b in f.branches)]
-
-    def curves(pair: tuple[int, int]) -> int:
-        return sum(
-            any(_shows(b, pair) and any(set(pair) <= set(e.involved) for e in b.equations)
-                for b in f.branches)
-            for f in families
-        )  # fmt: skip
-
-    first = max(pairs, key=lambda p: (len(shown(p)), curves(p), -p[0], -p[1]))
-    if not shown(first):
-        return []
-    second = max(pairs, key=lambda p: (curves(p), len(shown(p)), -p[0], -p[1]))
-    more = second != first and curves(second) > curves(first)
-    return [first, second] if more else [first]
+    second = max(found, key=lambda pair: found[pair][::-1])
+    return [first, second] if found[second][1] > found[first][1] else [first]
 
 
 def _shows(branch: Branch, pair: tuple[int, int]) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import math
+import operator
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -140,12 +141,10 @@ def directions(dimension: int) -> Words:
     for k in range(1, dimension):
         degree = polynomials[k].bit_length() - 1
         column = [x << (BITS - 1 - j) for j, x in enumerate(first_numbers[k][:degree])]
+        taps = [i for i in range(1, degree + 1) if polynomials[k] >> (degree - i) & 1]
         for j in range(degree, BITS):
-            new = column[j - degree] ^ (column[j - degree] >> degree)
-            for i in range(1, degree):
-                if polynomials[k] >> (degree - i) & 1:
-                    new ^= column[j - i]
-            column.append(new)
+            ahead = [column[j - i] for i in taps]
+            column.append(functools.reduce(operator.xor, ahead, column[j - degree] >> degree))
         v[:, k] = column
     v.setflags(write=False)
     return v
