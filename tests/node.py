@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import pinsing
-from pinsing.view.page import ENGINE
+from pinsing.view.server import ENGINE
 
 FOLDER = Path(pinsing.__file__).parent / "view" / "engine"
 NODE = shutil.which("node")

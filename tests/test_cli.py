@@ -24,7 +24,7 @@ from pinsing.cli.options import parse_numbers
 from pinsing.errors import ConfigurationError, OutputError
 from pinsing.kinematics.at import State, at
 from pinsing.kinematics.jacobian import task_jacobian
-from pinsing.report.info import ArmInfo
+from pinsing.report.arm_report import ArmInfo
 from pinsing.robot.load import load
 from pinsing.sampling.analyze import Analysis
 from pinsing.sampling.sweeps import load_npz

@@ -22,8 +22,8 @@ from typing import Any
 
 from playwright.sync_api import sync_playwright
 
-from pinsing.view.page import meshcat_script
 from pinsing.view.picture import find_browser
+from pinsing.view.server import meshcat_script
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 

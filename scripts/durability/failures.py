@@ -23,7 +23,7 @@ from durability.disk import Disk, Failure
 _OLD = b"what was there before\n"
 _SLOW = (
     ("pinsing.view.picture", "_taken"),
-    ("pinsing.report.arm_report", "printed"),
+    ("pinsing.view.picture", "printed"),
     ("pinsing.report.arm_report", "arm_report"),
 )
 _ENDS = {

@@ -97,7 +97,7 @@ def serve() -> None:
     os.dup2(2, 1)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     files = sources()
-    for module in ("pinsing.cli.app", "pinsing.report.info", "pinsing.robot.load"):
+    for module in ("pinsing.cli.app", "pinsing.report.arm_report", "pinsing.robot.load"):
         importlib.import_module(module)  # so that no case pays for it
     fork_children()
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))

@@ -22,8 +22,7 @@ from pinsing.families.family import Family
 from pinsing.families.form import coverage_words, families_text
 from pinsing.proximity.clearance import distances
 from pinsing.proximity.guard import make_guard
-from pinsing.report.arm_report import gather, robot
-from pinsing.report.info import describe
+from pinsing.report.arm_report import describe, gather, robot
 from pinsing.robot.arm import Arm
 from pinsing.robot.calibration import LINKS, calibrated, known_like
 from pinsing.robot.nominal import assumed_design, chain_model, design_of, differences, flatten

@@ -19,8 +19,8 @@ from pinsing.algebra.equation import Equation
 from pinsing.kinematics.jacobian import frame_jacobian, ratios, status_of, tip_placement
 from pinsing.measures import pure_ellipsoids
 from pinsing.robot.arm import Arm
-from pinsing.view.page import engine_script
 from pinsing.view.scene import sizes
+from pinsing.view.server import engine_script
 from pinsing.view.viewer import Entry, engine_data, equation_data, family_entries
 
 Floats = NDArray[np.float64]

@@ -22,8 +22,7 @@ from typing import Any
 import meshcat
 import pytest
 
-from pinsing.view.page import asset, meshcat_script, static_html
-from pinsing.view.server import _FAREWELL, Listener, Server
+from pinsing.view.server import _FAREWELL, Listener, Server, asset, meshcat_script, static_html
 
 SECONDS = 120
 """What does not end within these, even on a busy machine, never does."""

@@ -45,7 +45,7 @@ def info_command(request: RobotRequest, deg: bool, json_target: str | Path | Non
             emit(chains_text(error.chains, request.words))
         raise
     from pinsing.measures import ROUNDING
-    from pinsing.report.info import describe
+    from pinsing.report.arm_report import describe
     from pinsing.robot.second_reader import second_reading
 
     with doing("reading the file with a second program"):

@@ -18,9 +18,8 @@ from pinsing.errors import OptionError, UnknownNameError
 from pinsing.measures import Array
 from pinsing.robot.arm import Arm
 from pinsing.robot.mechanism import Mechanism
-from pinsing.view.page import static_html
 from pinsing.view.scene import ARROWS, LEAST, Links, Recorder, Sizes, draw_scene, read_links
-from pinsing.view.server import Server
+from pinsing.view.server import Server, static_html
 
 if TYPE_CHECKING:
     from typing_extensions import Self
