@@ -2,16 +2,15 @@
 // joints, so that a curve runs through type 2 singularities, where the moving input turns back. Singular
 // points: minima along curves, refined to numerical exactness.
 //
-// The measures have a kink at zero, so what is refined is a smooth system: the loops closed, all inputs
-// but one held, and unit velocities Z with G Z = 0 and J Z = 0 (type 1), S Z = 0 (type 2), or one motion
-// more than the mobility (constraint).
+// The measures have a kink at zero, so what is refined is, with the loops closed, a singular value with the
+// sign that its vectors give it: of the closure over the output's rows, over the inputs, or alone.
 
-import { add, dot, leastSquares, norm, nullVector, scaled, subtract, svd, transpose } from "./linear.mjs";
+import { add, dot, nullVector, scaled, subtract, svd, times } from "./linear.mjs";
 import { CLOSED, closure, gapOf, newton, output, worst, wrap } from "./loops.mjs";
 import { kindOf, motions } from "./mechanism.mjs";
 
 export const STEP = 0.04; // largest step, radians or length scales
-const MOST = 4000, WORTH = 0.3, STEPS = 40, SAME = 1e-6;
+const MOST = 4000, WORTH = 0.3, STEPS = 40, SAME = 1e-6, REACH = 0.6, DIFFERENCE = 1e-5;
 const MEASURE = { "type 1": "one", "type 2": "two", constraint: "constraint" };
 
 // Points [{ q, t (unit tangent), one, two, constraint }] of the curve through a closed `start`, input
@@ -42,7 +41,7 @@ export const placeOn = (data, points, q) =>
 function curveOf(data, moving) {
   const index = data.actuated[moving], { prismatic, lower, upper } = data.joints[index];
   const low = lower ?? -Infinity, high = upper ?? Infinity, bounded = prismatic || high - low < 2 * Math.PI - 1e-9;
-  const held = data.actuated.filter((j) => j !== index).map((j) => data.joints.map((_, i) => (i === j ? 1 : 0)));
+  const held = unitRows(data, data.actuated.filter((j) => j !== index));
   return { data, index, held, low: bounded ? low : -Infinity, high: bounded ? high : Infinity };
 }
 
@@ -94,15 +93,40 @@ function back(data, start, first, q, t, step) {
 
 // Singular point { kind, q, moving, converged, rangeEnd } of a kind near q, the joints `held` kept.
 export function refinePoint(data, start, kind, held = []) {
-  const { rtol } = data.judge, q = wrap(data, solved(systemOf(data, start, kind, held), start));
-  const found = motions(data, q), converged = worst(closure(data, q).residual) <= rtol && found[MEASURE[kind]] <= rtol;
+  const { rtol } = data.judge, used = start.flatMap((_, j) => (held.includes(j) ? [] : [j]));
+  const { q: found } = newton(data, start, used, (x) => vanishing(data, x, kind, used), STEPS, REACH);
+  const q = wrap(data, found), measures = motions(data, q);
+  const converged = worst(closure(data, q).residual) <= rtol && measures[MEASURE[kind]] <= rtol;
   const free = data.actuated.filter((j) => !held.includes(j)), alone = free.length === 1;
   return {
-    kind: converged ? kindOf(found, rtol) : kind, q, converged,
+    kind: converged ? kindOf(measures, rtol) : kind, q, converged,
     moving: alone ? data.actuated.indexOf(free[0]) : -1,
     rangeEnd: alone && kind === "type 2" && turnsBack(data, q, free[0], held),
   };
 }
+
+// What is zero at a singular point, and its slopes by the joints `used`: the residual of the loops, and the
+// singular value s = u M v of a matrix; s changes as u dM v, u and v kept.
+function vanishing(data, q, kind, used) {
+  const { residual, G } = closure(data, q), { sigma, left, right } = svd(matrixOf(data, q, kind));
+  const { constraint, output: outputs } = data.ranks;
+  const place = { "type 1": constraint + outputs, "type 2": q.length, constraint }[kind] - 1;
+  const at = (j, step) => {
+    const M = matrixOf(data, q.map((v, i) => (i === j ? v + step * data.metric[j] : v)), kind);
+    return dot(left[place], times(M, right[place]));
+  };
+  const slope = used.map((j) => (at(j, DIFFERENCE) - at(j, -DIFFERENCE)) / (2 * DIFFERENCE));
+  return { values: [...residual, sigma[place]], rows: [...G.map((row) => used.map((j) => row[j])), slope] };
+}
+
+// The matrix that loses rank: of the closure, with the output at rest (type 1), or the inputs (type 2).
+function matrixOf(data, q, kind) {
+  const { G } = closure(data, q);
+  if (kind === "constraint") return G;
+  return [...G, ...(kind === "type 1" ? output(data, q).J : unitRows(data, data.actuated))];
+}
+
+const unitRows = (data, joints) => joints.map((j) => data.joints.map((_, i) => (i === j ? 1 : 0)));
 
 // All singular points along a curve, refined; each once.
 export function singularAlong(data, curve) {
@@ -133,81 +157,9 @@ function candidates({ points, closed }, index) {
   return [...out.filter(([kind]) => kind === "constraint"), ...out.filter(([kind]) => kind !== "constraint")];
 }
 
-function systemOf(data, q, kind, held) {
-  const x0 = q.map((v, j) => v / data.metric[j]);
-  return { data, kind, held, n: q.length, anchor: held.map((j) => x0[j]),
-           extra: kind === "constraint" ? data.ranks.mobility + 1 : 1 };
-}
-
-// Closure error, constraint Jacobian, and the matrix whose null space is asked for.
-function matrix({ data, kind }, x) {
-  const q = x.map((v, j) => v * data.metric[j]), { residual, G } = closure(data, q);
-  if (kind === "type 1") return { residual, G, M: [...G, ...output(data, q).J] };
-  if (kind === "type 2") return { residual, G, M: [...G, ...data.actuated.map((j) => x.map((_, i) => (i === j ? 1 : 0)))] };
-  return { residual, G, M: G };
-}
-
-const pairs = (d) => Array.from({ length: d }, (_, a) => Array.from({ length: d - a }, (_, k) => [a, a + k])).flat();
-// M Z, row by row, Z given by its columns.
-const through = (M, Z) => M.flatMap((row) => Z.map((z) => row.reduce((sum, v, i) => sum + v * z[i], 0)));
-
-function residualOf(system, x, Z) {
-  const { residual, M } = matrix(system, x);
-  const unit = pairs(system.extra).map(([a, b]) => Z[a].reduce((sum, v, i) => sum + v * Z[b][i], a === b ? -1 : 0));
-  return [...residual, ...through(M, Z), ...unit, ...system.held.map((j, k) => x[j] - system.anchor[k])];
-}
-
-// Exact but for the derivative of the Jacobians, which is a central difference. Unknowns: x, then Z
-// column by column.
-function slopes(system, x, Z) {
-  const { n, extra: d, held } = system, { G, M } = matrix(system, x), step = 1e-5;
-  const changes = x.map((_, j) => {
-    const side = (s) => matrix(system, x.map((v, i) => (i === j ? v + s * step : v))).M;
-    const ahead = side(1), behind = side(-1);
-    return through(ahead.map((row, r) => subtract(row, behind[r])), Z).map((v) => v / (2 * step));
-  });
-  const zeros = (k) => new Array(k).fill(0), rows = G.map((row) => [...row, ...zeros(n * d)]);
-  M.forEach((row, r) => {
-    for (let c = 0; c < d; c++) {
-      rows.push([...changes.map((column) => column[r * d + c]), ...zeros(c * n), ...row, ...zeros((d - 1 - c) * n)]);
-    }
-  });
-  for (const [a, b] of pairs(d)) {
-    const row = zeros(n + n * d);
-    for (let i = 0; i < n; i++) { row[n + a * n + i] += Z[b][i]; row[n + b * n + i] += Z[a][i]; }
-    rows.push(row);
-  }
-  for (const j of held) rows.push(zeros(n + n * d).map((_, i) => (i === j ? 1 : 0)));
-  return rows;
-}
-
-// Damped Newton steps of least length: the system may have dependent or spare equations.
-function solved(system, start) {
-  const { data, n, extra } = system;
-  let x = start.map((v, j) => v / data.metric[j]);
-  let Z = svd(transpose(matrix(system, x).M)).left.slice(-extra);
-  let value = residualOf(system, x, Z), size = norm(value), stalled = 0;
-  for (let k = 0; k < STEPS && size > 1e-15 && stalled < 2; k++) {
-    const step = leastSquares(slopes(system, x, Z), scaled(value, -1), 1e-9);
-    let factor = Math.min(1, 0.3 / Math.max(worst(step), 1e-300)), better = null;
-    for (let half = 0; half < 6 && !better; half++, factor /= 3) {
-      const x1 = x.map((v, j) => v + factor * step[j]);
-      const Z1 = Z.map((z, c) => z.map((v, j) => v + factor * step[n + c * n + j]));
-      const value1 = residualOf(system, x1, Z1), size1 = norm(value1);
-      if (size1 < size) better = { x1, Z1, value1, size1 };
-    }
-    if (!better) break;
-    // A minimum that is not zero is approached slowly: it is no singularity.
-    stalled = better.size1 > 0.9 * size ? stalled + 1 : 0;
-    ({ x1: x, Z1: Z, value1: value, size1: size } = better);
-  }
-  return x.map((v, j) => v * data.metric[j]);
-}
-
 // Whether the input has an extremum on its curve: steps to both sides move it the same way.
 function turnsBack(data, q, index, held) {
-  const rows = held.map((j) => q.map((_, i) => (i === j ? 1 : 0)));
-  const t = nullVector([...closure(data, q).G, ...rows]);
+  const rows = unitRows(data, held), t = nullVector([...closure(data, q).G, ...rows]);
   const sides = [1, -1].map((sign) => {
     const x = correct({ data, held: rows }, moved(data, q, scaled(t, sign * 1e-3)), t);
     return x ? x[index] - q[index] : 0;
