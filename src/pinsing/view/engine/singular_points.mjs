@@ -5,7 +5,7 @@
 // The measures have a kink at zero, so what is refined is, with the loops closed, a singular value with the
 // sign that its vectors give it: of the closure over the output's rows, over the inputs, or alone.
 
-import { add, dot, nullVector, scaled, subtract, svd, times } from "./linear.mjs";
+import { add, combined, dot, nullVector, scaled, subtract, svd, transpose } from "./linear.mjs";
 import { CLOSED, closure, gapOf, newton, output, worst, wrap } from "./loops.mjs";
 import { kindOf, motions } from "./mechanism.mjs";
 
@@ -91,32 +91,29 @@ function back(data, start, first, q, t, step) {
   return along >= 0 && along <= step && worst(subtract(gap, scaled(t, along))) <= step / 4 && dot(first, t) > 0.5;
 }
 
-// Singular point { kind, q, moving, converged, rangeEnd } of a kind near q, the joints `held` kept.
+// Singular point { kind, q, converged } of a kind near q, the joints `held` kept.
 export function refinePoint(data, start, kind, held = []) {
   const { rtol } = data.judge, used = start.flatMap((_, j) => (held.includes(j) ? [] : [j]));
   const { q: found } = newton(data, start, used, (x) => vanishing(data, x, kind, used), STEPS, REACH);
   const q = wrap(data, found), measures = motions(data, q);
   const converged = worst(closure(data, q).residual) <= rtol && measures[MEASURE[kind]] <= rtol;
-  const free = data.actuated.filter((j) => !held.includes(j)), alone = free.length === 1;
-  return {
-    kind: converged ? kindOf(measures, rtol) : kind, q, converged,
-    moving: alone ? data.actuated.indexOf(free[0]) : -1,
-    rangeEnd: alone && kind === "type 2" && turnsBack(data, q, free[0], held),
-  };
+  return { kind: converged ? kindOf(measures, rtol) : kind, q, converged };
 }
 
-// What is zero at a singular point, and its slopes by the joints `used`: the residual of the loops, and the
-// singular value s = u M v of a matrix; s changes as u dM v, u and v kept.
+// What is zero at a singular point, and its slopes by the joints `used`: the residual of the loops, and u M w
+// of the left vector u of the singular value that vanishes and each right vector w of it or of none. They
+// change as u dM w: what u and w turn by is of second order.
 function vanishing(data, q, kind, used) {
-  const { residual, G } = closure(data, q), { sigma, left, right } = svd(matrixOf(data, q, kind));
-  const { constraint, output: outputs } = data.ranks;
+  const { constraint, output: outputs } = data.ranks, { residual, G } = closure(data, q);
   const place = { "type 1": constraint + outputs, "type 2": q.length, constraint }[kind] - 1;
-  const at = (j, step) => {
-    const M = matrixOf(data, q.map((v, i) => (i === j ? v + step * data.metric[j] : v)), kind);
-    return dot(left[place], times(M, right[place]));
+  const { sigma, left, right } = svd(transpose(matrixOf(data, q, kind)));
+  const pushed = (j, step) => combined(matrixOf(data, q.map((v, i) => (i === j ? v + step * data.metric[j] : v)), kind), right[place]);
+  const changes = used.map((j) => scaled(subtract(pushed(j, DIFFERENCE), pushed(j, -DIFFERENCE)), 0.5 / DIFFERENCE));
+  const still = left.slice(place);
+  return {
+    values: [...residual, ...still.map((_, k) => (k ? 0 : sigma[place]))],
+    rows: [...G.map((row) => used.map((j) => row[j])), ...still.map((w) => changes.map((change) => dot(change, w)))],
   };
-  const slope = used.map((j) => (at(j, DIFFERENCE) - at(j, -DIFFERENCE)) / (2 * DIFFERENCE));
-  return { values: [...residual, sigma[place]], rows: [...G.map((row) => used.map((j) => row[j])), slope] };
 }
 
 // The matrix that loses rank: of the closure, with the output at rest (type 1), or the inputs (type 2).
@@ -128,41 +125,32 @@ function matrixOf(data, q, kind) {
 
 const unitRows = (data, joints) => joints.map((j) => data.joints.map((_, i) => (i === j ? 1 : 0)));
 
-// All singular points along a curve, refined; each once.
+// All singular points { kind, q, rangeEnd } along a curve, refined; each once. `rangeEnd`: the moving input
+// turns back there.
 export function singularAlong(data, curve) {
   const index = data.actuated[curve.moving], held = data.actuated.filter((j) => j !== index), found = [];
-  for (const [kind, k] of candidates(curve, index)) {
-    const start = curve.points[k].q, point = refinePoint(data, start, kind, held);
+  for (const [kind, k, rangeEnd] of candidates(curve, index)) {
+    const start = curve.points[k].q, point = { ...refinePoint(data, start, kind, held), rangeEnd };
     if (!point.converged || gapOf(data, point.q, start) > 6 * STEP) continue;
     const same = found.findIndex((other) => gapOf(data, point.q, other.q) <= SAME);
     if (same < 0) found.push(point);
-    else if (point.rangeEnd && !found[same].rangeEnd && point.kind === found[same].kind) found[same] = point;
+    else if (rangeEnd && point.kind === found[same].kind) found[same] = point;
   }
   return found;
 }
 
-// [kind, place on the curve]: where the moving input turns back, and the minima of the measures.
+// [kind, place on the curve, whether the input turns back]: where it does, and the minima of the measures.
 function candidates({ points, closed }, index) {
   const out = [], last = points.length - 1;
-  for (let k = 1; k <= last; k++) if (points[k - 1].t[index] * points[k].t[index] <= 0) out.push(["type 2", k]);
+  for (let k = 1; k <= last; k++) if (points[k - 1].t[index] * points[k].t[index] <= 0) out.push(["type 2", k, true]);
   for (const [kind, name] of Object.entries(MEASURE)) {
     if (points.length < 3) continue;
     const value = (k) => points[k][name];
     const left = (k) => (k > 0 ? value(k - 1) : closed ? value(last - 1) : Infinity);
     const right = (k) => (k < last ? value(k + 1) : closed ? value(1) : Infinity);
     const low = points.map((_, k) => value(k) <= left(k) && value(k) <= right(k) && value(k) < WORTH);
-    if (!low.every(Boolean)) low.forEach((is, k) => { if (is) out.push([kind, k]); });
+    if (!low.every(Boolean)) low.forEach((is, k) => { if (is) out.push([kind, k, false]); });
   }
   // At a constraint singularity the others are met as well, and less exactly: it goes first.
   return [...out.filter(([kind]) => kind === "constraint"), ...out.filter(([kind]) => kind !== "constraint")];
-}
-
-// Whether the input has an extremum on its curve: steps to both sides move it the same way.
-function turnsBack(data, q, index, held) {
-  const rows = unitRows(data, held), t = nullVector([...closure(data, q).G, ...rows]);
-  const sides = [1, -1].map((sign) => {
-    const x = correct({ data, held: rows }, moved(data, q, scaled(t, sign * 1e-3)), t);
-    return x ? x[index] - q[index] : 0;
-  });
-  return sides[0] * sides[1] > 0;
 }
