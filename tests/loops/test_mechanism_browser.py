@@ -114,7 +114,8 @@ def test_the_page_loads_and_shows_a_mechanism(
 def lead(page: Any, k: int, value: float) -> None:
     """Move a slider of the output's pose as a hand does, and let go."""
     page.evaluate(
-        """([k, v]) => { const { slider } = window.pinsing.panel.pose.rows[k]; slider.value = v;
+        """([k, v]) => { const { panel, page } = window.pinsing;
+             const { slider } = panel.rows[page.joints.length + k]; slider.value = v;
              slider.dispatchEvent(new Event("input")); }""",
         [k, value],
     )
@@ -140,10 +141,10 @@ def test_the_output_is_led_by_sliders_of_its_pose(page: Any, five_bar: Mechanism
     assert "type 1 singularity: the leg of q" in text(page, "#refused").replace("\n", "")
     assert np.abs(residual(mechanism, shown(page))).max() < 1e-10
     page.evaluate(
-        "() => window.pinsing.panel.pose.rows[1].slider.dispatchEvent(new Event('change'))"
+        "() => window.pinsing.panel.rows.at(-1).slider.dispatchEvent(new Event('change'))"
     )
     reached_y = page.evaluate("() => window.pinsing.view.frame.pose[1]")
-    value = page.evaluate("() => Number(window.pinsing.panel.pose.rows[1].slider.value)")
+    value = page.evaluate("() => Number(window.pinsing.panel.rows.at(-1).slider.value)")
     assert value == pytest.approx(reached_y, abs=1e-6)
     # The pose goes with what is copied.
     copied = page.evaluate("() => JSON.parse(window.pinsing.take.text('json'))")

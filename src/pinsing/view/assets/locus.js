@@ -19,9 +19,10 @@ function statement(solved) {
 }
 
 class Locus {
-  // `pick(values)` is given [[joint, value], ...] where the picture is clicked.
-  constructor(page, family, q, pick) {
-    Object.assign(this, { page, family, pick });
+  // `app` is asked to pick [[joint, value], ...] where the picture is clicked.
+  constructor(app, family, q) {
+    const { page } = app;
+    Object.assign(this, { app, page, family });
     this.node = make("div", "locus");
     const { involved } = Engine.curveBranch(family, q, page.engine.joints);
     const pair = involved.slice(-2);
@@ -69,7 +70,7 @@ class Locus {
     const branch = Engine.curveBranch(this.family, q, engine.joints), held = q.slice();
     for (const v of branch.values) held[v.joint] = v.value;
     const lines = Engine.locus(branch.equation, held, i, j, ...spans);
-    const text = (k, v) => (joints[k].prismatic ? `${Math.round(1000 * v)} mm` : `${Math.round((v * 180) / Math.PI)}\u00b0`);
+    const text = (k, v) => Engine.valueText(joints[k].prismatic, v, 0);
     const [left, right] = spans[0].map((v) => this.x(v)), [low, high] = spans[1].map((v) => this.y(v));
     const path = lines.map((line) => line.map(([a, b], k) => `${k ? "L" : "M"}${this.x(a).toFixed(1)} ${this.y(b).toFixed(1)}`).join("")).join("");
     const label = (k, v, x, y, anchor) => this.make("text", { x, y, "text-anchor": anchor }, v === null ? joints[k].symbol : text(k, v));
@@ -94,6 +95,6 @@ class Locus {
     const [[a, b], [c, d]] = this.spans, inside = (v, low, high) => Math.min(high, Math.max(low, v));
     const across = a + ((x - LOCUS.left) / (LOCUS.wide - LOCUS.left - LOCUS.right)) * (b - a);
     const up = c + ((LOCUS.high - LOCUS.bottom - y) / (LOCUS.high - LOCUS.bottom - LOCUS.top)) * (d - c);
-    this.pick([[this.shown[0], inside(across, a, b)], [this.shown[1], inside(up, c, d)]]);
+    this.app.pick([[this.shown[0], inside(across, a, b)], [this.shown[1], inside(up, c, d)]]);
   }
 }

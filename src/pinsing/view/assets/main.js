@@ -9,16 +9,10 @@ class App {
     this.page = page;
     this.view = view;
     this.view.begin(page.settings, scene);
-    this.panel = this.makePanel({
-      choose: (entry, pose) => this.choose(entry, pose),
-      // The button of what is playing ends it.
-      play: (kind) => (this.running && this.path.kind === kind ? this.pause() : this.play(kind)),
-      move: (joint, value) => this.move(joint, value),
-      pick: (values) => this.pick(values),
-      typed: (joint, value, text) => this.typed(joint, value, text),
-      meet: (entry, found) => this.meet(entry, found),
-    });
-    this.source = this.makeSource(stream, { pushed: (message) => this.pushed(message), gone: () => this.gone() });
+    this.panel = page.mechanism ? new MechanismPanel(this) : new Panel(this);
+    this.source = page.mechanism ? new MechanismSource(page) : new EngineSource(page);
+    this.stream = stream;
+    stream?.follow(this);
     this.player = new Player((frame) => this.frame(frame), () => this.settle());
     this.take = new Take(this);
     this.postures = new Postures(this, page.postures ?? []);
@@ -30,10 +24,6 @@ class App {
     this.drag = new Drag(this);
     this.controls();
   }
-
-  makePanel(actions) { return new Panel(this.page, actions); }
-
-  makeSource(stream, handlers) { return new EngineSource(this.page, stream, handlers); }
 
   // Whether the program behind the page reads trajectory files.
   get reads() { return this.page.live && "way" in this.page && $("program").hidden; }
@@ -92,7 +82,7 @@ class App {
   }
 
   async start() {
-    const { q, entry, pose, words } = await this.source.start(), shared = this.shared();
+    const { q, entry, pose, words } = await (this.stream?.start() ?? this.page.start), shared = this.shared();
     this.select(shared ? null : entry, pose, false);
     const frame = shared ?? this.source.compute(q);
     this.frame(frame);
@@ -113,12 +103,12 @@ class App {
     this.view.dress();
   }
 
-  // `dragged` and `led` are the sliders of a joint and of the pose that stay where they are.
-  frame(frame, dragged = -1, led = -1) {
+  // `dragged` is the slider that stays where it is.
+  frame(frame, dragged = -1) {
     if (this.running || this.wanted) this.view.pace.moved();
     this.view.show(frame);
     $("refused").hidden = true;
-    this.panel.show(frame, dragged, led);
+    this.panel.show(frame, dragged);
     if (dragged >= 0) this.postures.mark(-1);  // moved by hand: at none of them
     this.settle();
   }
@@ -344,6 +334,12 @@ class App {
     this.choose(entry, pose);
   }
 
+  // The button of what is playing ends it.
+  playOrPause(kind) {
+    if (this.running && this.path.kind === kind) this.pause();
+    else this.play(kind);
+  }
+
   // "into" a singular configuration, or "along" the family.
   async play(kind) {
     if (this.entry === null) return;
@@ -382,7 +378,7 @@ class App {
     if (!idle) return;
     const turn = ++this.turn;
     await nextTask();
-    if (turn === this.turn) this.frame(this.moved(this.wanted), this.wanted.joint, this.wanted.k);
+    if (turn === this.turn) this.frame(this.moved(this.wanted), this.wanted.joint);
     this.wanted = null;
   }
 
@@ -392,7 +388,7 @@ class App {
   typed(joint, value, text) {
     if (value !== null) { this.move(joint, value); return; }
     this.panel.show(this.view.frame);
-    this.say(`${text || "nothing"} is not a number that ${this.page.joints[joint].name} can have`);
+    this.say(`${text || "nothing"} is not a number that ${this.panel.listed[joint].name} can have`);
   }
 
   async pushed(message) {

@@ -19,14 +19,6 @@ class MechanismApp extends App {
     }
   }
 
-  makePanel(actions) {
-    return new MechanismPanel(this.page, {
-      ...actions, mode: (q) => this.go(q), release: () => this.release(), lead: (k, value) => this.lead(k, value),
-    });
-  }
-
-  makeSource(stream, handlers) { return new MechanismSource(this.page, stream, handlers); }
-
   // A dragged output keeps the rest of its pose.
   hold(q) { return Engine.poseOf(this.page.engine, Engine.placeOf(this.page.engine, q)); }
 
@@ -60,16 +52,18 @@ class MechanismApp extends App {
     for (const k of engine.pose.rows.keys()) {
       const reach = await aside.ask("poseStretch", q, k, this.page.settings.reach);
       if (stale()) return;
-      this.panel.pose.stretch(frame, k, reach);
+      this.panel.stretch(frame, q.length + k, reach);
     }
     this.known = frame;
   }
 
-  // The output is led.
-  lead(k, value) {
-    const { frame } = this.view, goal = this.wanted?.goal?.slice() ?? this.panel.pose.values(frame);
+  // An input moved, or a coordinate of the pose: the output is led.
+  move(index, value) {
+    const { frame } = this.view, k = index - frame.q.length;
+    if (k < 0) { super.move(index, value); return; }
+    const goal = this.wanted?.goal?.slice() ?? this.panel.poseValues(frame);
     goal[k] = value;
-    this.want({ goal, k, q: this.panel.values(frame) });
+    this.want({ goal, k, q: this.panel.values(frame), joint: index });
   }
 
   // A pose out of an address: all joints, whose loops are closed, or the inputs alone.
@@ -133,7 +127,6 @@ class MechanismApp extends App {
   // Let go, a slider is where the mechanism is.
   release() {
     if (this.wanted) { setTimeout(() => this.release(), 30); return; }
-    for (const i of this.page.inputs) this.panel.rows[i].slider.value = this.panel.value(this.view.frame, i);
-    this.panel.pose.show(this.view.frame, -1);
+    this.panel.sliders(this.view.frame);
   }
 }

@@ -27,7 +27,7 @@ class MechanismPanel extends Panel {
       $(`key-${kind}`).hidden = scale === null;
       $(`show-${kind}`).parentElement.hidden = scale === null;
     }
-    $("mode-menu").addEventListener("change", () => this.actions.mode(JSON.parse($("mode-menu").value)));
+    $("mode-menu").addEventListener("change", () => this.app.go(JSON.parse($("mode-menu").value)));
   }
 
   numbers() {
@@ -53,52 +53,67 @@ class MechanismPanel extends Panel {
   }
 
   joints() {
-    const { page } = this;
-    const longest = Math.max(...page.joints.map((j) => j.symbol.length), ...page.engine.pose.rows.map((_, k) => Engine.poseName(page.engine, k).length));
-    $("joints").style.setProperty("--name", `${Math.min(Math.max(longest, 3), 12)}ch`);
-    this.rows = [];
-    this.windows = page.joints.map((j) => [j.lower, j.upper]);
-    for (const index of page.inputs) {
-      const found = this.row(page.joints[index], index, true);
+    const { page } = this, passive = make("details"), count = page.joints.length - page.inputs.length;
+    const title = make("h3", "", `Pose of ${page.robot.output}, led`);
+    title.title = "Metres and degrees in the axes of the base; roll, pitch, yaw about x, y, z";
+    this.listed = [...page.joints, ...this.coordinates()];
+    this.windows = this.listed.map((j) => [j.lower, j.upper]);
+    $("joints").style.setProperty("--name", `${Math.min(Math.max(...this.listed.map((j) => j.symbol.length), 3), 12)}ch`);
+    this.rows = this.listed.map((_, index) => {
+      const pose = index >= page.joints.length, moves = pose || page.inputs.includes(index), found = this.row(index, moves);
+      if (pose) found.row.classList.add("pose-row");
       // Let go where the mechanism cannot follow, the slider goes back to it.
-      found.slider.addEventListener("change", () => this.actions.release());
-      $("joints").append(found.row);
-      this.rows[index] = found;
-    }
-    this.pose = new PoseSliders(page, this.actions);
-    $("joints").append(this.pose.node);
+      if (moves) found.slider.addEventListener("change", () => this.app.release());
+      else found.row.classList.add("passive");
+      return found;
+    });
+    const rows = (some) => some.map((index) => this.rows[index].row), all = [...this.rows.keys()];
+    $("joints").append(...rows(page.inputs), title, ...rows(all.slice(page.joints.length)));
     $("joints-note").textContent = "Green: within reach of this slider alone, in the present mode. " +
       "Marks: singular poses on the way.";
-    const passive = make("details"), count = page.joints.length - page.inputs.length;
     passive.id = "passive";
     passive.open = count <= FEW;
-    passive.append(make("summary", "", `${count} passive joint${count === 1 ? "" : "s"}, solved`));
-    page.joints.forEach((joint, index) => {
-      if (page.inputs.includes(index)) return;
-      this.rows[index] = this.row(joint, index, false);
-      this.rows[index].row.classList.add("passive");
-      passive.append(this.rows[index].row);
-    });
+    passive.append(make("summary", "", `${count} passive joint${count === 1 ? "" : "s"}, solved`),
+      ...rows(all.slice(0, page.joints.length).filter((index) => !page.inputs.includes(index))));
     $("joints-note").parentElement.after(passive);
   }
 
-  shown(index, value) {
-    const k = this.page.engine.actuated.indexOf(index);
-    return Engine.inputText(this.page.engine, k, value);
+  // The coordinates in which the output is led, as joints.
+  coordinates() {
+    const { engine, robot, settings: { reach } } = this.page, { rows, turn } = engine.pose;
+    return rows.map((row, k) => {
+      const symbol = Engine.poseName(engine, k), home = engine.homePose[k], prismatic = row < 3;
+      const limited = row === 4 && turn.kind !== "axis", most = limited ? Math.PI / 2 : Math.PI;
+      const [lower, upper] = prismatic ? [home - reach, home + reach] : [-most, most];
+      return { name: `${symbol} of ${robot.output}`, symbol, prismatic, limited, lower, upper };
+    });
   }
+
+  own(frame, index) { return frame.q[index] ?? frame.pose[index - frame.q.length]; }
 
   // Angles are shown in the turn of their slider.
-  value(frame, joint) {
-    const [low, high] = this.windows[joint];
-    const value = frame.q[joint];
-    if (this.page.joints[joint].prismatic || (value >= low - 1e-9 && value <= high + 1e-9)) return value;
-    return low + ((((value - low) % TURN) + TURN) % TURN);
+  value(frame, index) {
+    const value = this.own(frame, index), [low, high] = this.windows[index];
+    if (this.listed[index].prismatic || (value >= low - 1e-9 && value <= high + 1e-9)) return value;
+    return low + turned(value - low);
   }
 
-  show(frame, dragged = -1, led = -1) {
-    super.show(frame, dragged);
-    this.pose.show(frame, led);
+  poseValues(frame) { return frame.pose.map((_, k) => this.value(frame, frame.q.length + k)); }
+
+  // A length may be led beyond the slider that it began with.
+  widen(index, lower, upper) {
+    const { slider } = this.rows[index], [low, high] = this.windows[index];
+    this.windows[index] = [Math.min(low, lower), Math.max(high, upper)];
+    [slider.min, slider.max] = this.windows[index];
   }
+
+  show(frame, dragged = -1) {
+    this.poseValues(frame).forEach((value, k) => this.widen(frame.q.length + k, value, value));
+    super.show(frame, dragged);
+  }
+
+  // Sliders where the mechanism is.
+  sliders(frame) { this.rows.forEach(({ slider }, index) => { slider.value = this.value(frame, index); }); }
 
   verdict(frame) {
     $("verdict").className = frame.status;
@@ -132,24 +147,26 @@ class MechanismPanel extends Panel {
 
   ahead(text) { if (text) formula($("nearest"), text); }
 
-  // How far an input goes, with the singular poses on the way.
-  stretch(frame, index, { lower, upper, whole, points }) {
-    const joint = this.page.joints[index];
-    const { slider, band } = this.rows[index];
-    if (!joint.limited && !joint.prismatic) this.windows[index] = turnOf(lower, upper, whole);
-    const [low, high] = this.windows[index];
-    Object.assign(slider, { min: low, max: high });
-    const shown = this.value(frame, index);
+  // How far an input or a coordinate of the pose goes, why no further, and the singular poses on the way.
+  stretch(frame, index, { lower, upper, whole, below, above, points }) {
+    const { engine } = this.page, { name, limited, prismatic } = this.listed[index], { row, slider, band } = this.rows[index];
+    if (!limited && !prismatic) this.windows[index] = turnOf(lower, upper, whole);
+    this.widen(index, prismatic ? lower : Infinity, prismatic ? upper : -Infinity);
+    const [low, high] = this.windows[index], shown = this.value(frame, index), shift = shown - this.own(frame, index);
     slider.value = shown;
-    const shift = shown - frame.q[index];
     const place = (v) => Math.min(100, Math.max(0, (100 * (v + shift - low)) / (high - low)));
-    const reach = whole ? [0, 100] : [place(lower), place(upper)];
-    band.replaceChildren(onBand("reach", ...reach), ...points.map((point) => {
-      const at = point.q[index], value = whole ? low + ((((at + shift - low) % TURN) + TURN) % TURN) - shift : at;
-      return onBand(`mark ${point.kind.replace(" ", "-")}`, place(value), null, `${point.kind} at ${this.shown(index, at)}`);
+    const text = (v) => Engine.valueText(prismatic, v), from = whole ? 0 : place(lower);
+    const end = (v, stop) => text(v + shift) + (stop ? `: ${Engine.stopWords(engine, stop)}` : "");
+    row.title = `${name}: ${whole ? "all the way round" : `from ${end(lower, below)}\nto ${end(upper, above)}`}`;
+    band.replaceChildren(onBand("reach", from, whole ? 100 : Math.max(from + 0.6, place(upper))), ...points.map((point) => {
+      const at = point.value ?? point.q[index], value = whole ? low + turned(at + shift - low) - shift : at;
+      return onBand(`mark ${point.kind.replace(" ", "-")}`, place(value), null, `${point.kind} at ${text(at)}`);
     }));
   }
 }
+
+// An angle within the first turn.
+const turned = (angle) => ((angle % TURN) + TURN) % TURN;
 
 // A turn that holds what is within reach: from -180 to 180 degrees if it can be that one.
 function turnOf(lower, upper, whole) {
@@ -159,76 +176,4 @@ function turnOf(lower, upper, whole) {
   };
   const low = whole ? -Math.PI : [-Math.PI, 0, -Math.PI / 2, Math.PI / 2].find(fits) ?? (lower + upper) / 2 - Math.PI;
   return [low, low + TURN];
-}
-
-// Sliders of the output's pose: it is led, and all joints follow.
-class PoseSliders {
-  constructor(page, actions) {
-    this.page = page;
-    const { engine, robot } = page;
-    this.node = make("div", "pose-sliders");
-    const title = make("h3", "", `Pose of ${robot.output}, led`);
-    title.title = "Metres and degrees in the axes of the base; roll, pitch, yaw about x, y, z";
-    this.node.append(title);
-    this.rows = engine.pose.rows.map((row, k) => {
-      const name = Engine.poseName(engine, k), found = make("label", "joint pose-row"), slider = make("input");
-      const [low, high] = this.window(k, engine.homePose[k]);
-      Object.assign(slider, { type: "range", min: low, max: high, step: "any" });
-      slider.setAttribute("aria-label", `${name} of ${robot.output}`);
-      slider.addEventListener("input", () => actions.lead(k, Number(slider.value)));
-      slider.addEventListener("change", () => actions.release());
-      const value = make("span", "value"), track = make("span", "track"), band = make("span", "band");
-      track.append(slider, band);
-      found.append(make("span", "name", name), track, value);
-      this.node.append(found);
-      return { row: found, slider, value, band };
-    });
-  }
-
-  window(k, home) {
-    const { engine, settings } = this.page, row = engine.pose.rows[k];
-    if (row < 3) return [home - settings.reach, home + settings.reach];
-    const most = row === 4 && engine.pose.turn.kind !== "axis" ? Math.PI / 2 : Math.PI;
-    return [-most, most];
-  }
-
-  // A turn is shown within the turn of its slider.
-  value(k, value) {
-    if (this.page.engine.pose.rows[k] < 3) return value;
-    return value - 2 * Math.PI * Math.round(value / (2 * Math.PI));
-  }
-
-  values(frame) { return frame.pose.map((v, k) => this.value(k, v)); }
-
-  show(frame, led) {
-    this.values(frame).forEach((value, k) => {
-      const { slider, value: text } = this.rows[k];
-      if (value < Number(slider.min)) slider.min = value;
-      if (value > Number(slider.max)) slider.max = value;
-      if (k !== led) slider.value = value;
-      text.textContent = Engine.poseText(this.page.engine, k, value, this.page.engine.pose.rows[k] < 3 ? 1 : 2).replace(/^-(0\.0+\D)/, "$1");
-    });
-  }
-
-  // How far a coordinate goes, the others held, and where type 2 is met on the way.
-  stretch(frame, k, { lower, upper, whole, below, above, points }) {
-    const { engine } = this.page, { slider, band } = this.rows[k], turns = engine.pose.rows[k] > 2;
-    const shown = this.value(k, frame.pose[k]), shift = shown - frame.pose[k];
-    if (!turns) Object.assign(slider, { min: Math.min(slider.min, lower), max: Math.max(slider.max, upper) });
-    slider.value = shown;
-    const low = Number(slider.min), high = Number(slider.max), part = (v) => (100 * (v - low)) / (high - low);
-    const pieces = whole ? [[low, high]] : turns ? around(lower + shift, upper + shift, low, high) : [[lower, upper]];
-    const why = (end, stop) => `${Engine.poseText(engine, k, end + shift)}${stop ? `: ${Engine.stopWords(engine, stop)}` : ""}`;
-    band.replaceChildren(...pieces.map(([a, b]) => onBand("reach", part(a), Math.max(part(a) + 0.6, part(b)))), ...points.map(({ kind, value }) => {
-      const at = this.value(k, value);
-      return onBand(`mark ${kind.replace(" ", "-")}`, part(at), null, `${kind} at ${Engine.poseText(engine, k, at)}`);
-    }));
-    this.rows[k].row.title = whole ? "all the way round" : `from ${why(lower, below)}\nto ${why(upper, above)}`;
-  }
-}
-
-// A stretch of a turn as pieces of the slider from low to high.
-function around(lower, upper, low, high) {
-  const size = high - low, begin = low + ((((lower - low) % size) + size) % size), end = begin + Math.min(upper - lower, size);
-  return end <= high + 1e-9 ? [[begin, end]] : [[begin, high], [low, end - size]];
 }

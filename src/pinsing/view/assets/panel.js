@@ -66,10 +66,16 @@ const ARM_NUMBERS = [
   ["manipulability", "manipulability", "Product of the singular values (Yoshikawa)"],
 ];
 
+// Values of joints that turn and that slide, as they are shown and typed.
+const TURNS = { unit: "\u00b0", said: "degrees", size: Math.PI / 180, digits: 2, end: /\s*(\u00b0|deg)?\s*$/ };
+const SLIDES = { unit: " mm", said: "millimetres", size: 1e-3, digits: 1, end: /\s*(mm)?\s*$/ };
+const unitOf = (joint) => (joint.prismatic ? SLIDES : TURNS);
+
 class Panel {
-  constructor(page, actions) {
+  constructor(app) {
+    const { page } = app;
+    this.app = app;
     this.page = page;
-    this.actions = actions;
     $("robot").textContent = page.robot.name;
     this.head();
     this.keys();
@@ -147,21 +153,21 @@ class Panel {
       text.append(make("b", "", entry.name), formula(make("span"), entry.text));
       button.append(text, formula(make("span", "more"), entry.more.join(" \u00b7 ")));
       if (entry.reason) button.title = entry.reason;
-      button.addEventListener("click", () => this.actions.choose(index, 0));
+      button.addEventListener("click", () => this.app.choose(index, 0));
       const row = make("div", "actions");
       row.hidden = true;
       for (let k = 0; k < entry.poses; k++) {
         if (entry.poses === 1) break;
         const pose = make("button", "pose", k ? String(k + 1) : "pose 1");
         pose.title = entry.titles ? entry.titles[k] : `Pose ${k + 1} of ${entry.name}`;
-        pose.addEventListener("click", () => this.actions.choose(index, k));
+        pose.addEventListener("click", () => this.app.choose(index, k));
         row.append(pose);
       }
       for (const [kind, words] of [["into", "\u25b6 approach"], ["along", "\u25b6 move within"]]) {
         if (!entry[kind]) continue;
         const play = make("button", `path ${kind}`, words);
         play.title = kind === "into" ? "From a regular configuration into this one" : "Within the family, singular all the way";
-        play.addEventListener("click", () => this.actions.play(kind));
+        play.addEventListener("click", () => this.app.playOrPause(kind));
         row.append(play);
       }
       item.append(button, row);
@@ -188,7 +194,7 @@ class Panel {
   meets(entry, found) {
     const button = make("button", "meet", `meets ${found.name}`);
     button.title = "A pose on both; once more for the next";
-    button.addEventListener("click", () => this.actions.meet(entry, found));
+    button.addEventListener("click", () => this.app.meet(entry, found));
     this.items[entry].querySelector(".actions").append(button);
   }
 
@@ -197,7 +203,7 @@ class Panel {
     if (this.drawn?.entry !== entry) {
       this.drawn?.locus.node.remove();
       const joints = this.page.engine.joints, has = family !== null && Engine.curveBranch(family, q, joints);
-      this.drawn = has ? { entry, locus: new Locus(this.page, family, q, this.actions.pick) } : null;
+      this.drawn = has ? { entry, locus: new Locus(this.app, family, q) } : null;
       if (has) this.items[entry].append(this.drawn.locus.node);
     } else this.drawn.locus.draw(q);
   }
@@ -206,8 +212,9 @@ class Panel {
 
   joints() {
     const common = commonPrefix(this.page.joints.map((joint) => joint.name));
-    this.rows = this.page.joints.map((joint, index) => {
-      const found = this.row(joint, index, true);
+    this.listed = this.page.joints;
+    this.rows = this.listed.map((joint, index) => {
+      const found = this.row(index, true);
       found.row.classList.add("named");
       const name = make("span", "name");
       name.append(formula(make("b"), joint.symbol), make("small", "", joint.name === joint.symbol ? "" : joint.name.slice(common)));
@@ -223,9 +230,8 @@ class Panel {
   limits(joint) {
     if (joint.limited === false) return "no limits";
     // As many digits as they need, at most two, and one of large values.
-    const shown = (v) => Number(v.toFixed(Math.abs(v) < 100 ? 2 : 1)) + 0;
-    const ends = [joint.lower, joint.upper].map((v) => shown(joint.prismatic ? 1000 * v : (v * 180) / Math.PI));
-    const unit = joint.prismatic ? " mm" : "\u00b0";
+    const shown = (v) => Number(v.toFixed(Math.abs(v) < 100 ? 2 : 1)) + 0, { unit, size } = unitOf(joint);
+    const ends = [joint.lower, joint.upper].map((v) => shown(v / size));
     return ends[0] === ends[1] ? `cannot move: ${ends[0]}${unit}` : `${ends[0]} \u2026 ${ends[1]}${unit}`;
   }
 
@@ -239,29 +245,26 @@ class Panel {
   }
 
   // A slider with the joint's name and value, both to be moved; a fixed one only follows.
-  row(joint, index, moves) {
-    const row = make("div", "joint");
+  row(index, moves) {
+    const joint = this.listed[index], row = make("div", "joint"), slider = make("input"), value = make("span", "value");
     row.title = joint.name;
-    const slider = make("input");
-    Object.assign(slider, { type: "range", min: joint.lower, max: joint.upper, step: "any" });
-    slider.disabled = !moves;
+    Object.assign(slider, { type: "range", min: joint.lower, max: joint.upper, step: "any", disabled: !moves });
     slider.setAttribute("aria-label", joint.name);
-    slider.addEventListener("input", () => this.actions.move(index, Number(slider.value)));
-    const value = make("span", "value"), typed = moves ? make("input", "typed") : null, unit = joint.prismatic ? " mm" : "\u00b0";
-    const track = typed ? make("span", "track") : slider, band = make("span", "band");
-    if (typed) track.append(slider, band);
-    row.append(formula(make("span", "name"), joint.symbol), track, value);
-    if (!typed) return { row, slider, value };
+    row.append(formula(make("span", "name"), joint.symbol), slider, value);
+    if (!moves) return { row, slider, value };
+    const typed = make("input", "typed"), track = make("span", "track"), band = make("span", "band");
+    const { unit, said, size, end } = unitOf(joint), moved = () => this.app.move(index, Number(slider.value));
+    slider.replaceWith(track);
+    track.append(slider, band);
     value.append(typed, unit);
-    const size = joint.prismatic ? 1e-3 : Math.PI / 180;
+    slider.addEventListener("input", moved);
     Object.assign(typed, { type: "text", inputMode: "decimal", autocomplete: "off" });
-    typed.setAttribute("aria-label", `${joint.name}, ${joint.prismatic ? "millimetres" : "degrees"}`);
+    typed.setAttribute("aria-label", `${joint.name}, ${said}`);
     typed.addEventListener("change", () => {
-      const units = joint.prismatic ? /\s*(mm)?\s*$/ : /\s*(\u00b0|deg)?\s*$/;
-      const text = typed.value.replace(",", ".").replace("\u2212", "-").replace(units, "").trim();
-      const far = !NUMBER.test(text) || Math.abs(Number(text) * size) > HUGE;
-      if (!far) slider.value = Number(text) * size;
-      this.actions.typed(index, far ? null : Number(text) * size, typed.value);
+      const text = typed.value.replace(",", ".").replace("\u2212", "-").replace(end, "").trim(), given = Number(text) * size;
+      const wrong = !NUMBER.test(text) || Math.abs(given) > HUGE;
+      if (!wrong) slider.value = given;
+      this.app.typed(index, wrong ? null : given, typed.value);
     });
     row.addEventListener("keydown", (event) => {
       const up = { ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1 }[event.key];
@@ -269,9 +272,9 @@ class Panel {
       event.preventDefault();
       const next = Number(slider.value) + up * size * (event.shiftKey ? 0.1 : 1);
       slider.value = Math.min(Number(slider.max), Math.max(Number(slider.min), next));
-      this.actions.move(index, Number(slider.value));
+      moved();
     });
-    return { row, slider, value, typed, track, band };
+    return { row, slider, value, typed, band };
   }
 
   show(frame, dragged = -1) {
@@ -285,13 +288,12 @@ class Panel {
     $("outside").hidden = !frame.outside.length;
     $("outside").textContent = frame.outside.length ? `outside the limits: ${frame.outside.map((name) => name + limits(name)).join(", ")}` : "";
     this.rows.forEach(({ row, slider, value, typed }, i) => {
-      const joint = this.page.joints[i];
-      const shown = this.value(frame, i);
+      const joint = this.listed[i], shown = this.value(frame, i), { unit, size, digits } = unitOf(joint);
       row.classList.toggle("hot", frame.hot.includes(i));
       row.classList.toggle("beyond", frame.outside.includes(joint.name));
       if (i !== dragged) slider.value = shown;
-      const text = joint.prismatic ? (1000 * shown).toFixed(1) : ((shown * 180) / Math.PI).toFixed(2).replace(/^-0\.00$/, "0.00");
-      if (!typed) value.textContent = text + (joint.prismatic ? " mm" : "\u00b0");
+      const text = (shown / size).toFixed(digits).replace(/^-(0\.0+)$/, "$1");
+      if (!typed) value.textContent = text + unit;
       else typed.value = text;
     });
   }
@@ -310,10 +312,8 @@ class Panel {
   }
 
   readings(frame) {
-    $("ratio").textContent = number(frame.ratio);
-    $("sigma-min").textContent = number(frame.sigma[frame.genericRank - 1]);
-    $("condition").textContent = number(frame.condition);
-    $("manipulability").textContent = number(frame.manipulability);
+    const found = { ...frame, "sigma-min": frame.sigma[frame.genericRank - 1] };
+    for (const [id] of ARM_NUMBERS) $(id).textContent = number(found[id]);
     const zero = frame.status === "singular";
     $("bars").replaceChildren(...frame.sigma.slice(0, frame.genericRank).map((s, i) => {
       const bar = make("div", zero && i >= frame.rank ? "zero" : "");

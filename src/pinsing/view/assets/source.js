@@ -4,13 +4,7 @@
 const nextTask = () => new Promise((resolve) => setTimeout(resolve));
 
 class EngineSource {
-  constructor(page, stream, handlers) {
-    this.page = page;
-    this.stream = stream;
-    stream?.follow(handlers);
-  }
-
-  async start() { return this.stream ? this.stream.start() : this.page.start; }
+  constructor(page) { this.page = page; }
 
   compute(q) { return Engine.frameAt(this.page.engine, q); }
 
@@ -147,11 +141,11 @@ class MechanismSource extends EngineSource {
   }
 }
 
-// The stream of the program behind the page: what it shows, first (`start`) and later (`pushed`). It is
+// The stream of the program behind the page: what it shows, first (`start`) and later (`app.pushed`). It is
 // opened before there is anything to show.
 class LiveSource {
   constructor() {
-    this.handlers = this.shown = null;
+    this.app = this.shown = null;
     this.closed = false;
     this.opened = new Promise((resolve, reject) => {
       const scheme = location.protocol === "https:" ? "wss:" : "ws:";
@@ -159,21 +153,21 @@ class LiveSource {
       this.socket.onclose = () => {
         this.closed = true;
         reject(new Error("the program that serves this page does not answer"));
-        this.handlers?.gone();
+        this.app?.gone();
       };
       this.socket.onmessage = (event) => { this.receive(JSON.parse(event.data)); resolve(); };
     });
     this.opened.catch(() => {}); // told where it is waited for
   }
 
-  follow(handlers) {
-    this.handlers = handlers;
-    if (this.closed) handlers.gone();
+  follow(app) {
+    this.app = app;
+    if (this.closed) app.gone();
   }
 
   // What is shown before anybody follows is where the page starts.
   receive(message) {
-    if (this.handlers && this.shown) this.handlers.pushed(message);
+    if (this.app && this.shown) this.app.pushed(message);
     else if (message.q) this.shown = message;
   }
 
@@ -185,10 +179,9 @@ class LiveSource {
 
 const ASIDE = `const Engine = engineOf();
 let data;
-onmessage = ({ data: message }) => {
-  if (message.data) { data = message.data; return; }
-  try { postMessage({ answer: Engine[message.name](data, ...message.given) }); }
-  catch (error) { postMessage({ error: error.message }); }
+onmessage = ({ data: asked }) => {
+  if (asked.data) ({ data } = asked);
+  else postMessage(Engine[asked.name](data, ...asked.given));
 };`;
 
 // Long computations beside the page, so that it moves meanwhile: the engine once more, in a worker.
@@ -196,52 +189,41 @@ class Aside {
   constructor(data) {
     this.data = data;
     this.able = typeof Worker !== "undefined";
-    this.worker = null;
-    this.job = null;
+    this.worker = this.job = null;
   }
 
   // What Engine[name](data, ...given) returns, one question at a time; null where `stop` came first.
-  ask(name, ...given) {
-    this.begin();
-    if (!this.worker) return nextTask().then(() => Engine[name](this.data, ...given));
-    return new Promise((resolve, reject) => {
-      this.job = { resolve, reject, name, given };
+  async ask(name, ...given) {
+    const here = () => nextTask().then(() => Engine[name](this.data, ...given));
+    if (this.able && !this.worker) this.begin();
+    if (!this.able) return here();
+    return new Promise((resolve) => {
+      this.job = { resolve, here };
       this.worker.postMessage({ name, given });
     });
   }
 
   begin() {
-    if (this.worker || !this.able) return;
-    try {
-      const address = URL.createObjectURL(new Blob([engineOf.toString(), "\n", ASIDE], { type: "text/javascript" }));
-      this.worker = new Worker(address);
-      URL.revokeObjectURL(address);
-      this.worker.postMessage({ data: this.data });
-      this.worker.onmessage = ({ data: { answer, error } }) => {
-        const { job } = this;
-        this.job = null;
-        if (error === undefined) job?.resolve(answer);
-        else job?.reject(new Error(error));
-      };
-      // Where a page may have none, it computes by itself.
-      this.worker.onerror = () => {
-        const { job } = this;
-        this.able = false;
-        this.stop();
-        if (job) job.resolve(Engine[job.name](this.data, ...job.given));
-      };
-    } catch {
-      this.able = false;
-      this.worker = null;
-    }
+    const address = URL.createObjectURL(new Blob([engineOf.toString(), "\n", ASIDE], { type: "text/javascript" }));
+    // Where a page may have none, or it fails, the page computes by itself.
+    try { this.worker = new Worker(address); } catch { this.able = false; return; }
+    URL.revokeObjectURL(address);
+    this.worker.onerror = () => { this.able = false; this.answer(this.job?.here()); };
+    this.worker.onmessage = ({ data }) => this.answer(data);
+    this.worker.postMessage({ data: this.data });
+  }
+
+  answer(found) {
+    const { job } = this;
+    this.job = null;
+    job?.resolve(found);
   }
 
   // What is being computed is wanted no more.
   stop() {
-    if (!this.job && this.able) return;
-    const { job } = this;
+    if (!this.job) return;
     this.worker?.terminate();
-    this.worker = this.job = null;
-    if (this.able) job?.resolve(null);
+    this.worker = null;
+    this.answer(null);
   }
 }
