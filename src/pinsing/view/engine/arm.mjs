@@ -4,12 +4,11 @@
 // rank, used, never }, judge: { rtol, nearRtol, size, length, columns }, joints, families, centres,
 // sizes }. The verdict is taken at the arm's own scale (`length`, `columns`), sigma at the task's.
 
-import { jacobian, placements, tipOf } from "./chain.mjs";
 import { nearestOf } from "./distance.mjs";
 import { outside } from "./limits.mjs";
 import { norm, quaternion, subtract, transpose, turnZTo } from "./linear.mjs";
 import { causes, missingAt, reasons } from "./lost.mjs";
-import { drawnRadii, ellipsoid, flatDirection, measure, ownTask, pureEllipsoids, tipSpeeds, verdictOf } from "./measures.mjs";
+import { drawnRadii, ellipsoids, flatDirection, measure, tipSpeeds } from "./measures.mjs";
 
 const ON = 1e-7; // radians: closer is on the family
 const ALIKE = 2e-6; // radians: bounds no farther apart are one distance
@@ -33,7 +32,10 @@ export function frameAt(data, q, families = data.families) {
     q: q.slice(),
     links: places.map(({ R, t }) => [...t, ...quaternion(R)]),
     tip: tip.t,
-    ellipsoids: ellipsoids(J, sizes, status !== "regular", judge.rtol),
+    ellipsoids: ellipsoids(J, judge.rtol, (e, kind) => {
+      const flat = status === "regular" ? null : flatDirection(e, FLAT);
+      return { turn: quaternion(transpose(e.axes)), drawn: drawnRadii(e.radii, sizes[kind], sizes), radii: e.radii, flat: flat && turnZTo(flat) };
+    }),
     lost: lost.map((m) => ({
       kind: m.kind, turn: turnZTo(m.direction), at: m.point, words: m.words,
       close: norm(subtract(m.point, tip.t)) <= 1.5 * sizes.reach,
@@ -47,19 +49,6 @@ export function frameAt(data, q, families = data.families) {
     outside: outside(data, q), notes: notes(data, q, ratio),
     verdict: here, speeds: tipSpeeds(data, J, tip.R),
   };
-}
-
-function ellipsoids(J, sizes, lost, rtol) {
-  const drawn = (e, scale) => ({
-    turn: quaternion(transpose(e.axes)),
-    drawn: drawnRadii(e.radii, scale, sizes),
-    radii: e.radii,
-    flat: lost && flatDirection(e, FLAT) ? turnZTo(flatDirection(e, FLAT)) : null,
-  });
-  const pure = pureEllipsoids(J, rtol);
-  const all = { translation: ellipsoid(J.slice(0, 3)), rotation: ellipsoid(J.slice(3)) };
-  const pair = (two) => ({ translation: drawn(two.translation, sizes.translation), rotation: drawn(two.rotation, sizes.rotation) });
-  return { all: pair(all), pure: pair(pure) };
 }
 
 // Nearest family among those that the arm can reach: { entry, lower, value, on, text, q } or null. To bring
@@ -103,8 +92,7 @@ const short = (v) => (v >= 20 ? v.toFixed(0) : v >= 0.1 ? v.toFixed(1) : String(
 // Where the rounded numbers of the file hide a singularity.
 function notes(data, q, ratio) {
   if (!data.nominal || ratio <= data.judge.rtol) return [];
-  const places = placements(data.nominal, q), J = jacobian(data.nominal, places);
-  const there = verdictOf(ownTask(data, J, tipOf(data.nominal, places).R).sigma, data.task.rank, data.judge);
+  const there = measure({ ...data, chain: data.nominal }, q);
   return there.status === "singular"
     ? [`singular if the rounded numbers of the file are made exact (nominal geometry): ratio ${there.ratio.toExponential(1)} there`]
     : [];

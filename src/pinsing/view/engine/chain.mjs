@@ -31,12 +31,9 @@ export const tipOf = (chain, places) => frameOf(chain.tip, places);
 
 const after = (a, b) => ({ R: product(a.R, b.R), t: add(times(a.R, b.t), a.t) });
 
-// Frame Jacobian (6 x n) of the tip: rows vx, vy, vz, wx, wy, wz in base axes, per unit joint speed
-// (as pin.computeFrameJacobian, LOCAL_WORLD_ALIGNED).
-export const jacobian = (chain, places) => jacobianOf(chain, places, chain.tip);
-
-// The same of any frame { parent, R, t }.
-export function jacobianOf(chain, places, frame) {
+// Frame Jacobian (6 x n) of a frame { parent, R, t }, by default the tip: rows vx, vy, vz, wx, wy, wz in
+// base axes, per unit joint speed (as pin.computeFrameJacobian, LOCAL_WORLD_ALIGNED).
+export function jacobian(chain, places, frame = chain.tip) {
   const tip = frameOf(frame, places).t;
   const n = chain.joints.length ? chain.joints[0].weights.length : 0;
   const J = Array.from({ length: 6 }, () => new Array(n).fill(0));

@@ -1,7 +1,7 @@
 // Poses that a search finds: the clearest of all families, and the nearest singular one.
 
-import { distance, farFrom, nearestOf } from "./distance.mjs";
-import { apart, generator, project } from "./families.mjs";
+import { distance, nearestOf } from "./distance.mjs";
+import { apart, farFrom, generator, project } from "./families.mjs";
 import { outside, spanOf, turnedInto } from "./limits.mjs";
 import { measure } from "./measures.mjs";
 import { freeOf } from "./sums.mjs";

@@ -2,7 +2,7 @@
 // upper bound, and what is certain a lower one.
 
 import { nearestZero } from "./boxes.mjs";
-import { apart, generator, lowerBound, project } from "./families.mjs";
+import { apart, farFrom, generator, lowerBound, project } from "./families.mjs";
 import { dot, leastNorm, norm } from "./linear.mjs";
 import { measure } from "./measures.mjs";
 import { evaluate, freeOf, sumsOf } from "./sums.mjs";
@@ -169,7 +169,3 @@ export function nearestPose(poses, q, joints, lengthScale) {
   const all = poses.map((pose, index) => ({ index, upper: farFrom(pose, q, joints, lengthScale), q: pose }));
   return all.reduce((a, b) => (a && a.upper <= b.upper ? a : b), null);
 }
-
-// Distance of configurations x and q, whole turns aside.
-export const farFrom = (x, q, joints, lengthScale) =>
-  Math.hypot(...x.map((v, j) => apart(q[j], v, joints[j].prismatic) / (joints[j].prismatic ? lengthScale : 1)));

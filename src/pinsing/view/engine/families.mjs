@@ -90,8 +90,9 @@ export function zerosAlong(equation, q, j, low, high) {
   return out;
 }
 
-function bisect(f, a, b, fa) {
-  for (let k = 0; k < 60; k++) {
+// Zero of f between a and b, where its sign changes; fa is f(a).
+export function bisect(f, a, b, fa, steps = 60) {
+  for (let k = 0; k < steps; k++) {
     const m = (a + b) / 2, fm = f(m);
     if (fm === 0) return m;
     if (fa * fm < 0) b = m;
@@ -154,7 +155,7 @@ const SAME = 1e-3, SLACK = 1e-9;
 export function meetingPoses(data, one, two, start, count = 3, tries = 20) {
   const random = generator(31), found = [];
   const span = data.joints.map((joint) => spanOf(joint, data.task.lengthScale));
-  const draw = () => span.map(([low, high]) => low + random() * (high - low));
+  const draw = () => span.map(([low, high]) => low + random() * (high - low)), far = (a, b) => farFrom(a, b, data.joints, data.task.lengthScale);
   const branches = one.branches.flatMap((a) => two.branches.flatMap((b) => { const both = merged(a, b, data.joints); return both ? [both] : []; }));
   for (let k = 0; k < tries; k++) for (const branch of branches) {
     const q = placed(branch, k ? draw() : start, data.joints, span);
@@ -163,9 +164,9 @@ export function meetingPoses(data, one, two, start, count = 3, tries = 20) {
     if (!point) continue;
     const inside = folded(point, data.joints, span);
     if (!inside.every((v, j) => v >= span[j][0] - SLACK && v <= span[j][1] + SLACK)) continue;
-    if (found.every((x) => apartFrom(x, inside, data.joints) > SAME)) found.push(inside);
+    if (found.every((x) => far(x, inside) > SAME)) found.push(inside);
   }
-  return spread(found.sort((a, b) => apartFrom(a, start, data.joints) - apartFrom(b, start, data.joints)), data.joints, count);
+  return spread(found.sort((a, b) => far(a, start) - far(b, start)), count, far);
 }
 
 // What both branches ask for; null where their values contradict each other.
@@ -188,13 +189,15 @@ function placed(branch, q, joints, span) {
 // Moved by whole turns into the limits where that can be.
 const folded = (q, joints, span) => q.map((v, j) => turnedInto(span[j], v, joints[j].prismatic));
 
-const apartFrom = (a, b, joints) => norm(a.map((v, j) => apart(v, b[j], joints[j].prismatic)));
+// Distance of configurations x and q, whole turns aside, radians and length scales.
+export const farFrom = (x, q, joints, lengthScale) =>
+  Math.hypot(...x.map((v, j) => apart(q[j], v, joints[j].prismatic) / (joints[j].prismatic ? lengthScale : 1)));
 
 // The first, and others unlike those already chosen.
-function spread(found, joints, count) {
+function spread(found, count, far) {
   const out = found.slice(0, 1);
   while (out.length < Math.min(count, found.length)) {
-    const gap = (x) => Math.min(...out.map((y) => apartFrom(x, y, joints)));
+    const gap = (x) => Math.min(...out.map((y) => far(x, y)));
     out.push(found.filter((x) => !out.includes(x)).reduce((a, b) => (gap(b) > gap(a) ? b : a)));
   }
   return out;

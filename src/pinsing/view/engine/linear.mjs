@@ -27,6 +27,14 @@ export function product(A, B) {
 }
 export const identity = (n) => Array.from({ length: n }, (_, i) => Array.from({ length: n }, (_, j) => (i === j ? 1 : 0)));
 
+// All choices of so many of some items.
+export function* combinations(items, size, from = 0) {
+  if (size === 0) { yield []; return; }
+  for (let i = from; i <= items.length - size; i++) {
+    for (const rest of combinations(items, size - 1, i + 1)) yield [items[i], ...rest];
+  }
+}
+
 // Rotation about a unit axis (Rodrigues).
 export function rotation(axis, angle) {
   const [x, y, z] = axis, c = Math.cos(angle), s = Math.sin(angle), v = 1 - c;
@@ -68,13 +76,18 @@ export function turnZTo(d) {
 //
 // One-sided Jacobi on the rows (M. R. Hestenes, "Inversion of matrices by biorthogonalization",
 // 1958): rotations from the left make the rows orthogonal; their lengths are the singular values.
-// Small ones come out with high relative accuracy (J. Demmel and K. Veselic, 1992). Where m > n
-// the last m - n values are rounding, and set to zero.
+// Small ones come out with high relative accuracy (J. Demmel and K. Veselic, 1992). Where m > n it
+// is the small triangle of A = Q R P^T, whose vectors are turned back.
 export function svd(A) {
   const m = A.length, n = m ? A[0].length : 0;
+  if (m > n && n) {
+    const f = factored(columnsOf(A), m), { sigma, left, right } = svd(A[0].map((_, i) => upper(f, i, n)));
+    const back = (part, at) => { const x = new Float64Array(m); x.set(part, at); return Array.from(turnedOut(f, x)); };
+    return { sigma, left: [...left.map((u) => back(u, 0)), ...identity(m - n).map((e) => back(e, n))], right: right.map((v) => placed(f, v)) };
+  }
   const rows = A.map((row) => row.slice()), left = identity(m);
   // Where the rank is less than the number of rows, some shrink without end, and turn nothing else any more.
-  const nothing = (m > n ? 1e-40 : 1e-60) * rows.reduce((sum, row) => sum + dot(row, row), 0);
+  const nothing = 1e-60 * rows.reduce((sum, row) => sum + dot(row, row), 0);
   for (let sweep = 0; sweep < 40; sweep++) {
     let turned = false;
     for (let i = 0; i < m - 1; i++) for (let j = i + 1; j < m; j++) {
@@ -90,11 +103,10 @@ export function svd(A) {
     if (!turned) break;
   }
   const sizes = rows.map(norm), order = sizes.map((_, i) => i).sort((i, j) => sizes[j] - sizes[i]);
-  const sigma = order.map((i, place) => (place < n ? sizes[i] : 0));
   return {
-    sigma: sigma.slice(0, Math.min(m, n)),
+    sigma: order.slice(0, n).map((i) => sizes[i]),
     left: order.map((i) => left[i]),
-    right: order.slice(0, Math.min(m, n)).map((i, k) => (sigma[k] > 0 ? scaled(rows[i], 1 / sigma[k]) : rows[i])),
+    right: order.slice(0, n).map((i) => (sizes[i] > 0 ? scaled(rows[i], 1 / sizes[i]) : rows[i])),
   };
 }
 
@@ -112,29 +124,13 @@ function turn(a, b, c, s) {
   }
 }
 
-// x of least norm with A x = b in the least squares sense, singular values below rcond left out.
-export function leastNorm(A, b, rcond = 1e-10) {
-  const { sigma, left, right } = svd(A);
-  const x = new Array(A[0].length).fill(0);
-  sigma.forEach((s, k) => {
-    if (s <= rcond * sigma[0] || s === 0) return;
-    const part = dot(left[k], b) / s;
-    for (let i = 0; i < x.length; i++) x[i] += part * right[k][i];
-  });
-  return x;
-}
-
-// Orthogonal factors by Householder reflections with exchange of columns (P. Businger and G. H. Golub,
-// 1965). Where the rank is clear they give what singular values give, many times sooner.
-
-// A diagonal entry of R, over the largest, is kept above CLEAR and dropped below NOTHING; between them
-// the singular values are asked.
-const CLEAR = 1e-6, NOTHING = 1e-13;
-
-// A P = Q R: columns with the reflections below, R above the diagonal, and R's own diagonal.
+// A P = Q R by Householder reflections with exchange of columns (P. Businger and G. H. Golub, 1965): columns
+// with the reflections below, R above the diagonal, R's own diagonal, and the sign of det Q det P. Where a
+// diagonal entry is nothing beside the first, so are those after it.
 function factored(columns, length) {
   const n = columns.length, count = Math.min(length, n), order = columns.map((_, j) => j);
   const diagonal = new Float64Array(count), beta = new Float64Array(count);
+  let sign = 1;
   for (let s = 0; s < count; s++) {
     let best = s, most = -1;
     for (let j = s; j < n; j++) {
@@ -142,6 +138,7 @@ function factored(columns, length) {
       for (let i = s; i < length; i++) size += columns[j][i] * columns[j][i];
       if (size > most) { most = size; best = j; }
     }
+    if (best !== s) sign = -sign;
     [columns[s], columns[best]] = [columns[best], columns[s]];
     [order[s], order[best]] = [order[best], order[s]];
     if (most <= 0) continue;
@@ -149,9 +146,10 @@ function factored(columns, length) {
     v[s] -= alpha;
     diagonal[s] = alpha;
     beta[s] = -1 / (alpha * v[s]);
+    sign = -sign;
     for (let j = s + 1; j < n; j++) reflect(v, beta[s], s, columns[j]);
   }
-  return { columns, length, order, diagonal, beta };
+  return { columns, order, diagonal, beta, sign };
 }
 
 function reflect(v, beta, from, x) {
@@ -161,35 +159,37 @@ function reflect(v, beta, from, x) {
   if (along !== 0) for (let i = from; i < x.length; i++) x[i] -= along * v[i];
 }
 
-// Q^T x and Q x, in place.
-const turnedIn = ({ columns, beta }, x) => { for (let s = 0; s < beta.length; s++) reflect(columns[s], beta[s], s, x); return x; };
+// Row i of R (n columns); x of P^T x; Q x, in place.
+function upper({ columns, diagonal }, i, n) {
+  const row = new Array(n).fill(0);
+  row[i] = diagonal[i];
+  for (let j = i + 1; j < n; j++) row[j] = columns[j][i];
+  return row;
+}
+function placed({ order }, y) {
+  const x = new Array(order.length);
+  order.forEach((j, k) => { x[j] = y[k]; });
+  return x;
+}
 const turnedOut = ({ columns, beta }, x) => { for (let s = beta.length - 1; s >= 0; s--) reflect(columns[s], beta[s], s, x); return x; };
 
-function columnsOf(A) {
-  return A[0].map((_, j) => { const c = new Float64Array(A.length); for (let i = 0; i < A.length; i++) c[i] = A[i][j]; return c; });
-}
-
 const rowsOf = (A) => A.map((row) => Float64Array.from(row));
+const columnsOf = (A) => A[0].map((_, j) => { const c = new Float64Array(A.length); for (let i = 0; i < A.length; i++) c[i] = A[i][j]; return c; });
 
-// x of least norm with A x = b in the least squares sense, as `leastNorm`.
-export function leastSquares(A, b, rcond = 1e-10) {
-  const n = A[0].length, f = factored(columnsOf(A), A.length), { diagonal, columns, order } = f;
-  const most = Math.abs(diagonal[0]);
+// x of least norm with A x = b in the least squares sense, up to the rank of A at rcond.
+export function leastNorm(A, b, rcond = 1e-10) {
+  const n = A[0].length, f = factored(columnsOf(A), A.length), { columns, diagonal, beta } = f, c = Float64Array.from(b);
+  for (let s = 0; s < beta.length; s++) reflect(columns[s], beta[s], s, c);
   let rank = 0;
-  while (rank < diagonal.length && Math.abs(diagonal[rank]) > CLEAR * most) rank++;
-  if (!(most > 0) || (rank < diagonal.length && Math.abs(diagonal[rank]) > NOTHING * most)) return leastNorm(A, b, rcond);
-  const c = turnedIn(f, Float64Array.from(b)), y = new Float64Array(n);
-  const R = (i, j) => (i === j ? diagonal[i] : columns[j][i]);
-  if (rank === n) {
-    for (let i = n - 1; i >= 0; i--) {
-      let sum = c[i];
-      for (let j = i + 1; j < n; j++) sum -= R(i, j) * y[j];
-      y[i] = sum / diagonal[i];
-    }
+  while (rank < diagonal.length && Math.abs(diagonal[rank]) > rcond * Math.abs(diagonal[0])) rank++;
+  const y = new Float64Array(n);
+  if (rank === n) for (let i = n - 1; i >= 0; i--) {
+    let sum = c[i];
+    for (let j = i + 1; j < n; j++) sum -= columns[j][i] * y[j];
+    y[i] = sum / diagonal[i];
   } else {
     // Of all solutions the shortest: along the rows of R.
-    const rows = Array.from({ length: rank }, (_, i) => { const row = new Float64Array(n); for (let j = i; j < n; j++) row[j] = R(i, j); return row; });
-    const g = factored(rows, n);
+    const g = factored(Array.from({ length: rank }, (_, i) => Float64Array.from(upper(f, i, n))), n);
     for (let k = 0; k < rank; k++) {
       let sum = c[g.order[k]];
       for (let i = 0; i < k; i++) sum -= g.columns[k][i] * y[i];
@@ -197,25 +197,18 @@ export function leastSquares(A, b, rcond = 1e-10) {
     }
     turnedOut(g, y);
   }
-  const x = new Array(n);
-  order.forEach((j, k) => { x[j] = y[k]; });
-  return x;
+  return placed(f, y);
 }
 
 // Unit vector that the rows of A send to zero; the last of several.
 export function nullVector(A) {
-  const n = A[0].length, f = factored(rowsOf(A), n), x = new Float64Array(n);
+  const n = A[0].length, x = new Float64Array(n);
   x[n - 1] = 1;
-  return Array.from(turnedOut(f, x));
+  return Array.from(turnedOut(factored(rowsOf(A), n), x));
 }
 
-// Singular values and all left vectors of A^T, as of `svd`: those of the small triangle, turned back.
-export function svdOfTransposed(A) {
-  const m = A.length, n = m ? A[0].length : 0;
-  if (!(n > m)) return svd(transpose(A));
-  const f = factored(rowsOf(A), n);
-  const triangle = Array.from({ length: m }, (_, i) => Array.from({ length: m }, (_, j) => (i === j ? f.diagonal[i] : i < j ? f.columns[j][i] : 0)));
-  const { sigma, left } = svd(triangle);
-  const back = (part, at) => { const x = new Float64Array(n); x.set(part, at); return Array.from(turnedOut(f, x)); };
-  return { sigma, left: [...left.map((u) => back(u, 0)), ...Array.from({ length: n - m }, (_, k) => back([1], m + k))] };
+// Determinant of a square matrix.
+export function determinant(A) {
+  const { diagonal, sign } = factored(rowsOf(A), A.length);
+  return diagonal.reduce((product, d) => product * d, sign);
 }

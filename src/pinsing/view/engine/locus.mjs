@@ -1,7 +1,9 @@
 // Where an equation is zero over two joints, the others held.
 
-import { apart } from "./families.mjs";
+import { apart, bisect } from "./families.mjs";
 import { evaluate, freeOf } from "./sums.mjs";
+
+const BISECTED = 16; // times, a side of a square
 
 // The branch of a family that q is nearest to by its joint values, with the joints of its equation;
 // null where none has a single equation in two joints or more.
@@ -17,7 +19,7 @@ export function curveBranch(family, q, joints) {
 }
 
 // Segments [[a, b], [c, d]] of the curve over joint i in `across` and joint j in `up`, each [from, to]:
-// squares of a grid whose corners differ in sign, their ends placed by secants.
+// squares of a grid whose corners differ in sign.
 export function locus(equation, q, i, j, across, up, steps = 72) {
   const x = q.slice(), at = (u, v) => { x[i] = u; x[j] = v; return evaluate(equation, x).value; };
   const place = ([from, to], k) => from + ((to - from) * k) / steps;
@@ -27,9 +29,10 @@ export function locus(equation, q, i, j, across, up, steps = 72) {
   for (let a = 0; a < steps; a++) for (let b = 0; b < steps; b++) {
     const corners = [[a, b], [a + 1, b], [a + 1, b + 1], [a, b + 1]], ends = [];
     corners.forEach(([c, d], k) => {
-      const [e, f] = corners[(k + 1) % 4], one = grid[c][d], two = grid[e][f];
-      if (one < 0 === two < 0) return;
-      ends.push(crossing(at, [place(across, c), place(up, d)], [place(across, e), place(up, f)], one, two));
+      const [e, f] = corners[(k + 1) % 4], one = grid[c][d];
+      if (one < 0 === grid[e][f] < 0) return;
+      const on = (t) => [place(across, c + t * (e - c)), place(up, d + t * (f - d))];
+      ends.push(on(bisect((t) => at(...on(t)), 0, 1, one, BISECTED)));
     });
     if (ends.length === 2) out.push(ends);
     else if (ends.length === 4) {
@@ -40,16 +43,4 @@ export function locus(equation, q, i, j, across, up, steps = 72) {
     }
   }
   return out;
-}
-
-// Zero between two points whose values differ in sign: secants, kept between them.
-function crossing(at, p, r, one, two) {
-  let low = 0, high = 1, f = one, g = two;
-  const point = (t) => [p[0] + t * (r[0] - p[0]), p[1] + t * (r[1] - p[1])];
-  for (let k = 0; k < 6; k++) {
-    const t = low + ((high - low) * f) / (f - g), value = at(...point(t));
-    if (value < 0 === f < 0) { low = t; f = value; g /= 2; } else { high = t; g = value; f /= 2; }
-    if (value === 0) return point(t);
-  }
-  return point(low + ((high - low) * f) / (f - g));
 }

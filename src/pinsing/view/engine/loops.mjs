@@ -5,16 +5,16 @@
 // radian, per joint), joints, actuated, ranks: { constraint, mobility, output }, judge, home, assembly,
 // balls, elbows, legs, normal, sizes }. Everything below is without units: lengths over the length scale.
 
-import { frameOf, jacobianOf, placements } from "./chain.mjs";
+import { frameOf, jacobian, placements } from "./chain.mjs";
 import { generator } from "./families.mjs";
-import { leastSquares, product, rotationVector, scaled, subtract, times, transpose } from "./linear.mjs";
+import { leastNorm, product, rotationVector, scaled, subtract, times, transpose } from "./linear.mjs";
 
 export const CLOSED = 1e-11; // a residual up to this counts as closed
 const ROWS = { planar: 2, "3d": 3, "6d": 6 }, FULL = 2 * Math.PI;
 
 // Residual (k) and constraint Jacobian G (k x n) at q (n). Rows of a loop are in the axes of its first
 // frame, translations before rotations. `columns`: Jacobian of a frame.
-export function closure(data, q, columns = jacobianOf) {
+export function closure(data, q, columns = jacobian) {
   const places = placements(data.chain, q), L = data.task.lengthScale, residual = [], G = [];
   for (const { kind, a, b } of data.loops) {
     const A = frameOf(a, places), B = frameOf(b, places), inA = transpose(A.R);
@@ -37,7 +37,7 @@ export function closure(data, q, columns = jacobianOf) {
 export const worst = (values) => values.reduce((most, v) => Math.max(most, Math.abs(v)), 0);
 
 // Task rows of the output (m x n) by all joints, and its placement.
-export function output(data, q, columns = jacobianOf) {
+export function output(data, q, columns = jacobian) {
   const places = placements(data.chain, q), full = columns(data.chain, places, data.chain.tip);
   const J = data.task.rows.map((r) => full[r].map((x, j) => x * data.metric[j] * (r < 3 ? 1 / data.task.lengthScale : 1)));
   return { J, place: frameOf(data.chain.tip, places), places };
@@ -71,7 +71,7 @@ export function newton(data, start, used, system, steps, reach = Infinity) {
     if (size >= best && best <= CLOSED) break;
     if (size < best) { best = size; kept = q; }
     if (size <= 1e-15) break;
-    const step = leastSquares(rows, values.map((v) => -v), 1e-11), longest = worst(step), cut = longest > 0.5 ? 0.5 / longest : 1;
+    const step = leastNorm(rows, values.map((v) => -v), 1e-11), longest = worst(step), cut = longest > 0.5 ? 0.5 / longest : 1;
     q = q.slice();
     used.forEach((j, i) => { q[j] += cut * step[i] * data.metric[j]; });
     if (!q.every(Number.isFinite) || worst(subtract(q, start).map((v, j) => v / data.metric[j])) > reach) break;
@@ -88,22 +88,4 @@ export function randomClosed(data, count, seed, free = everyJoint(data), start =
     if (error <= CLOSED) out.push(wrap(data, q));
   }
   return out;
-}
-
-// Determinant of a square matrix, by elimination with row exchanges.
-export function determinant(matrix) {
-  const A = matrix.map((row) => row.slice());
-  let value = 1;
-  for (let c = 0; c < A.length; c++) {
-    let pivot = c;
-    for (let r = c + 1; r < A.length; r++) if (Math.abs(A[r][c]) > Math.abs(A[pivot][c])) pivot = r;
-    if (A[pivot][c] === 0) return 0;
-    if (pivot !== c) { [A[c], A[pivot]] = [A[pivot], A[c]]; value = -value; }
-    value *= A[c][c];
-    for (let r = c + 1; r < A.length; r++) {
-      const share = A[r][c] / A[c][c];
-      for (let k = c; k < A.length; k++) A[r][k] -= share * A[c][k];
-    }
-  }
-  return value;
 }

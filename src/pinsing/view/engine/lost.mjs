@@ -4,7 +4,7 @@
 // A pure force through the tip takes a translation away, a pure moment a rotation, a force off the
 // tip the motion of a line along itself, any other wrench the motion on a screw.
 
-import { add, combined, cross, dot, identity, leastNorm, leftWhere, norm, scaled, subtract, svd, times, transpose } from "./linear.mjs";
+import { add, combinations, combined, cross, dot, identity, leastNorm, leftWhere, norm, scaled, subtract, svd, times, transpose } from "./linear.mjs";
 import { inBase, measure, pointUp, rankOf } from "./measures.mjs";
 
 const ALIGNED = (0.1 * Math.PI) / 180;
@@ -128,13 +128,6 @@ export function causes(Js, used, rank, zero) {
     }
   }
   return found;
-}
-
-function* combinations(items, size, from = 0) {
-  if (size === 0) { yield []; return; }
-  for (let i = from; i <= items.length - size; i++) {
-    for (const rest of combinations(items, size - 1, i + 1)) yield [items[i], ...rest];
-  }
 }
 
 // Point where axes of a Jacobian (revolute columns `ids`) come nearest to each other.

@@ -1,7 +1,7 @@
 // What is read off a configuration and its Jacobian: singular values, verdict, ellipsoids, tip speeds.
 
 import { jacobian, placements, tipOf } from "./chain.mjs";
-import { cross, dot, norm, nullVector, product, scaled, svd, times, transpose } from "./linear.mjs";
+import { combinations, cross, dot, norm, nullVector, product, scaled, svd, times, transpose } from "./linear.mjs";
 
 // Rows of the task, translations over the length scale; R is the rotation of the tip, whose axes
 // some of the rows may be along (`task.atTip`).
@@ -29,7 +29,7 @@ export function inBase(u, task, R) {
 }
 
 // Singular, near-singular or regular: sigma_r / max(sigma_1, size), as Python's kinematics judges.
-export function verdictOf(sigma, rank, judge) {
+function verdictOf(sigma, rank, judge) {
   const first = Math.max(sigma[0], judge.size);
   const ratio = first > 0 ? sigma[rank - 1] / first : 0;
   const status = ratio <= judge.rtol ? "singular" : ratio <= judge.nearRtol ? "near-singular" : "regular";
@@ -38,18 +38,20 @@ export function verdictOf(sigma, rank, judge) {
 
 // Ellipsoid { axes: three directions, radii: largest first } of three rows under unit joint speed
 // (Zhang, Fan, Wang, Cheng, Eqs. 15 and 16); axes form a right-handed frame.
-export function ellipsoid(rows) {
+function ellipsoid(rows) {
   const { sigma, left } = svd(rows);
   const axes = left.map((a) => a.slice());
   if (dot(cross(axes[0], axes[1]), axes[2]) < 0) axes[2] = scaled(axes[2], -1);
   return { axes, radii: [0, 1, 2].map((k) => sigma[k] ?? 0) };
 }
 
-// Ellipsoids of the pure translations (omega = 0), and of the turns that leave the tip at rest:
-// these go flat where a wrench (f, m) needs no joint torque, along f and along m.
-export function pureEllipsoids(J, rtol) {
+// { all, pure } ellipsoids, each { translation, rotation }, of a Jacobian, as `shown(ellipsoid, kind, pure)` has
+// them: of the tip's velocity, whatever it turns by, and of pure translations (omega = 0) and of turns that
+// leave the tip at rest. These go flat where a wrench (f, m) needs no joint torque, along f and along m.
+export function ellipsoids(J, rtol, shown) {
   const v = J.slice(0, 3), w = J.slice(3);
-  return { translation: ellipsoid(atRest(v, w, rtol)), rotation: ellipsoid(atRest(w, v, rtol)) };
+  const pair = (a, b, pure) => ({ translation: shown(ellipsoid(a), "translation", pure), rotation: shown(ellipsoid(b), "rotation", pure) });
+  return { all: pair(v, w, false), pure: pair(atRest(v, w, rtol), atRest(w, v, rtol), true) };
 }
 
 // What is left of `rows` under the joint speeds that leave `others` at rest.
@@ -106,7 +108,7 @@ export function measure(data, q) {
 const ownScale = ({ judge, task }) => judge.length === task.lengthScale && judge.columns.every((c) => c === 1);
 
 // The task Jacobian at the arm's own scale, without units, and its decomposition.
-export function ownTask({ judge, task }, J, R) {
+function ownTask({ judge, task }, J, R) {
   const Js = taskRows(J, { ...task, lengthScale: judge.length }, R).map((row) => row.map((x, i) => x * judge.columns[i]));
   return { Js, ...svd(Js) };
 }
@@ -119,7 +121,7 @@ export function tipSpeeds({ speeds, task, judge, joints }, J, R) {
   const { basis, limits, asked } = speeds, zero = judge.rtol;
   const A = product(basis, taskRows(J, { ...task, lengthScale: judge.length }, R)), { sigma, left } = svd(A);
   const rank = sigma.filter((s) => s > zero * sigma[0]).length, inside = left.slice(0, rank);
-  const found = chosen(transpose(product(inside, A)), rank - 1).map((few) => times(transpose(inside), few.length ? nullVector(few) : [1]));
+  const found = [...combinations(transpose(product(inside, A)), rank - 1)].map((few) => times(transpose(inside), few.length ? nullVector(few) : [1]));
   const facets = [...found, ...left.slice(rank)].map((y) => {
     const through = times(transpose(A), y).map((x) => (Math.abs(x) > zero * sigma[0] ? Math.abs(x) : 0));
     const parts = [true, false].map((linear) => y.map((c, i) => (speeds.linear[i] === linear && Math.abs(c) > zero ? c : 0)));
@@ -136,10 +138,4 @@ export function tipSpeeds({ speeds, task, judge, joints }, J, R) {
     return { speed: 1 / share, joints: joints.filter((_, j) => through[j]).map((joint) => joint.name), direction: scaled(direction, 1 / size) };
   };
   return { linear: named(worst(1, 0), 0), angular: named(worst(0, 1), 1), share: worst(...asked).share };
-}
-
-// All choices of `count` of some things.
-function chosen(things, count, from = 0) {
-  if (!count) return [[]];
-  return things.slice(from).flatMap((x, k) => chosen(things, count - 1, from + k + 1).map((rest) => [x, ...rest]));
 }

@@ -5,9 +5,9 @@
 // singularity where the closure itself does (C. Gosselin and J. Angeles, 1990; D. Zlatanov, R. G. Fenton
 // and B. Benhabib, 1995).
 
-import { frameOf, jacobianOf, placements } from "./chain.mjs";
-import { cross, dot, identity, leastNorm, norm, subtract, svd, svdOfTransposed, times, transpose } from "./linear.mjs";
-import { closure, determinant, output, worst } from "./loops.mjs";
+import { frameOf, jacobian, placements } from "./chain.mjs";
+import { cross, determinant, dot, identity, leastNorm, norm, subtract, svd, times, transpose } from "./linear.mjs";
+import { closure, output, worst } from "./loops.mjs";
 
 const POINT = 1e-9; // metres: axes that come closer meet
 const STRAIGHT = 1e-9; // sine of an elbow up to which it counts as straight
@@ -28,7 +28,7 @@ export function motions(data, q, known = closure(data, q)) {
 // The same from the Jacobians of closure and output.
 function measured(data, G, J) {
   const { rtol } = data.judge, { ranks } = data;
-  const { sigma, left } = svdOfTransposed(G), r = ranks.constraint;
+  const { sigma, left } = svd(transpose(G)), r = ranks.constraint;
   const constraint = sigma[0] > 0 ? sigma[r - 1] / sigma[0] : 0;
   const basis = left.slice(constraint > rtol ? r : sigma.filter((s) => s > rtol * sigma[0]).length);
   const inputs = data.actuated.map((j) => basis.map((v) => v[j]));
@@ -131,9 +131,9 @@ export const locked = (data, places) => (data.balls ?? []).some((ball) => {
   return Math.abs(dot(cross(a, b), c)) <= BESIDE;
 });
 
-// `jacobianOf` with whole balls: (chain, places, frame) to 6 x n.
+// `jacobian` with whole balls: (chain, places, frame) to 6 x n.
 export const ballColumns = (data) => (chain, places, frame) => {
-  const J = jacobianOf(chain, places, frame), at = frameOf(frame, places).t;
+  const J = jacobian(chain, places, frame), at = frameOf(frame, places).t;
   for (const { joints, centre } of data.balls) {
     if (norm(J.slice(3).map((row) => row[joints[2]])) === 0) continue; // the frame is not beyond it
     const arm = subtract(at, frameOf({ parent: joints[0], R: identity(3), t: centre }, places).t);

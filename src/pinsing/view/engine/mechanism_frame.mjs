@@ -4,7 +4,7 @@ import { outside } from "./limits.mjs";
 import { add, combined, cross, dot, norm, quaternion, scaled, subtract, svd, transpose, turnZTo } from "./linear.mjs";
 import { output } from "./loops.mjs";
 import { vector } from "./lost.mjs";
-import { drawnRadii, ellipsoid, inBase, pureEllipsoids } from "./measures.mjs";
+import { drawnRadii, ellipsoids, inBase } from "./measures.mjs";
 import { stateAt } from "./mechanism.mjs";
 import { poseOf } from "./pose_drive.mjs";
 
@@ -74,17 +74,14 @@ function why(data, { kind }, hot) {
 function ellipses(data, state, lost) {
   const { sizes, normal } = data, J = Array.from({ length: 6 }, () => data.actuated.map(() => 0));
   if (state.velocity) data.task.rows.forEach((r, i) => { J[r] = state.velocity[i]; });
-  const pure = pureEllipsoids(J, data.judge.rtol);
-  const drawn = (e, kind, isPure) => {
+  return ellipsoids(J, data.judge.rtol, (e, kind, pure) => {
     const scale = sizes[kind], radii = e.radii.map((r) => Math.min(r, (LONGEST * sizes.reach) / scale));
     let shown = drawnRadii(radii, scale, sizes);
     const ring = kind === "rotation" && normal !== null;
     if (ring) shown = [shown[0], shown[0], shown[0]];
-    const flat = flatOf(lost, kind, isPure);
+    const flat = flatOf(lost, kind, pure);
     return { turn: ring ? turnZTo(normal) : quaternion(transpose(e.axes)), drawn: shown, radii: e.radii, flat: flat && turnZTo(flat) };
-  };
-  const pair = (two, isPure) => ({ translation: drawn(two.translation, "translation", isPure), rotation: drawn(two.rotation, "rotation", isPure) });
-  return { all: pair({ translation: ellipsoid(J.slice(0, 3)), rotation: ellipsoid(J.slice(3)) }, false), pure: pair(pure, true) };
+  });
 }
 
 // Direction in which an ellipse is flat: of the only lost motion, if it has such a part.

@@ -5,7 +5,7 @@
 // some of roll, pitch and yaw, whose others follow; "axis" an angle about base axis `row` counted on from
 // `at`, its value at the rotation `zero`. R = Rz(yaw) Ry(pitch) Rx(roll).
 
-import { frameOf, jacobianOf } from "./chain.mjs";
+import { frameOf, jacobian } from "./chain.mjs";
 import { valueText } from "./limits.mjs";
 import { combined, dot, product, rotationVector, svd, transpose } from "./linear.mjs";
 import { CLOSED, closure, everyJoint, gaussNewton, newton, worst } from "./loops.mjs";
@@ -48,7 +48,7 @@ function aboutAxis(R, k) {
 // What is to vanish, without units, and its slopes: loops closed, and the coordinates at `goal`.
 function system(data, q, goal) {
   const { residual, G, places } = closure(data, q), { pose, chain, metric, task } = data;
-  const full = jacobianOf(chain, places, chain.tip), place = frameOf(chain.tip, places), now = poseOf(data, place);
+  const full = jacobian(chain, places), place = frameOf(chain.tip, places), now = poseOf(data, place);
   const slopes = (row, unit) => row.map((v, j) => v * metric[j] * unit);
   const errors = [], rows = [], angles = pose.turn?.kind === "angles" ? rates(anglesOf(place.R)) : null;
   pose.rows.forEach((row, k) => {

@@ -10,7 +10,7 @@ import { CLOSED, closure, gapOf, newton, output, worst, wrap } from "./loops.mjs
 import { kindOf, motions } from "./mechanism.mjs";
 
 export const STEP = 0.04; // largest step, radians or length scales
-const MOST = 4000, WORTH = 0.3, STEPS = 40, SAME = 1e-6, REACH = 0.6, DIFFERENCE = 1e-5;
+const MOST = 4000, WORTH = 0.3, STEPS = 24, SAME = 1e-6, REACH = 0.6, DIFFERENCE = 1e-5;
 const MEASURE = { "type 1": "one", "type 2": "two", constraint: "constraint" };
 
 // Points [{ q, t (unit tangent), one, two, constraint }] of the curve through a closed `start`, input
