@@ -114,8 +114,8 @@ def test_the_page_loads_and_shows_a_mechanism(
 def lead(page: Any, k: int, value: float) -> None:
     """Move a slider of the output's pose as a hand does, and let go."""
     page.evaluate(
-        """([k, v]) => { const { slider } = window.pinsing.panel.rows.slice(-2)[k]; slider.value = v;
-             slider.dispatchEvent(new Event("input")); }""",
+        """([k, v]) => { const { slider: s } = window.pinsing.panel.rows.slice(-2)[k]; s.value = v;
+             s.dispatchEvent(new Event("input")); }""",
         [k, value],
     )
     page.wait_for_function("() => window.pinsing.wanted === null")
