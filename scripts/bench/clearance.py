@@ -19,10 +19,9 @@ import numpy as np
 from pinsing.algebra.conditions import two_sided
 from pinsing.families import Branch, Family, closed_form
 from pinsing.families.zero_set import project
-from pinsing.proximity.clearance import watch
+from pinsing.proximity.clearance import suggest, watch
 from pinsing.proximity.crossings import crossings
 from pinsing.proximity.monitor import Monitor
-from pinsing.proximity.suggestion import suggest
 from pinsing.proximity.trajectory import check_trajectory
 from pinsing.robot.load import load
 

@@ -641,7 +641,7 @@ def suggest_command(
     OptionError.refuse_if(reach is not None and near is None, "--reach is for use with --near")
     if near is not None:
         parse_numbers(near, "--near", deg)
-    from pinsing.proximity.suggestion import REACH, suggest
+    from pinsing.proximity.clearance import REACH, suggest
 
     radius = REACH if reach is None else angle(reach, "--reach", told_degrees(deg))
     arm = request.load()

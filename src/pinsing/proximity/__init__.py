@@ -7,8 +7,10 @@ from pinsing._package import public
 if TYPE_CHECKING:
     from pinsing.proximity.clearance import (
         Clearance as Clearance,
+        Suggestion as Suggestion,
         clearance as clearance,
         is_clear as is_clear,
+        suggest as suggest,
     )
     from pinsing.proximity.crossings import (
         Crossing as Crossing,
@@ -18,7 +20,6 @@ if TYPE_CHECKING:
     from pinsing.proximity.guard import export_guard as export_guard
     from pinsing.proximity.line import LineCheck as LineCheck, check_line as check_line
     from pinsing.proximity.monitor import Monitor as Monitor, Verdict as Verdict
-    from pinsing.proximity.suggestion import Suggestion as Suggestion, suggest as suggest
     from pinsing.proximity.trajectory import (
         TrajectoryCheck as TrajectoryCheck,
         check_trajectory as check_trajectory,
@@ -28,12 +29,11 @@ if TYPE_CHECKING:
 public(
     __name__,
     {
-        "clearance": "Clearance clearance is_clear",
+        "clearance": "Clearance Suggestion clearance is_clear suggest",
         "crossings": "Crossing Crossings crossings",
         "guard": "export_guard",
         "line": "LineCheck check_line",
         "monitor": "Monitor Verdict",
-        "suggestion": "Suggestion suggest",
         "trajectory": "TrajectoryCheck check_trajectory",
         "zones": "Zones",
     },

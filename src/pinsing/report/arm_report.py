@@ -25,8 +25,7 @@ from pinsing.kinematics.at import SINGULAR, State, at
 from pinsing.kinematics.jacobian import SINGULAR_RTOL, engine_name, generic_rank, ratios
 from pinsing.measures import ROUNDING, Array, ArrayLike, Bool, Reachability
 from pinsing.prose import PLAIN, Page, Table
-from pinsing.proximity.clearance import Clearance, clearance
-from pinsing.proximity.suggestion import Suggestion, suggest
+from pinsing.proximity.clearance import Clearance, Suggestion, clearance, suggest
 from pinsing.proximity.trajectory import (
     TrajectoryCheck,
     check_trajectory,

@@ -44,7 +44,7 @@ from pinsing.view.tab import Tab
 
 if TYPE_CHECKING:
     from pinsing.postures.changes import PostureChanges
-    from pinsing.proximity.suggestion import Suggestion
+    from pinsing.proximity.clearance import Suggestion
 
 _LONGEST = 72
 
@@ -738,7 +738,7 @@ class Viewer(Tab):
 
 
 def _check_clearest(arm: Arm, clearest: Suggestion) -> None:
-    from pinsing.proximity.suggestion import Suggestion
+    from pinsing.proximity.clearance import Suggestion
 
     if not isinstance(clearest, Suggestion):
         raise ArgumentError(
