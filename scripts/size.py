@@ -10,8 +10,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (37_890, 30_000),
-    "Python in src: lines": (72_131, 56_000),
+    "Python in src: statements": (37_856, 30_000),
+    "Python in src: lines": (72_090, 56_000),
     "C++, JavaScript, templates, styles: lines": (12_396, 9_500),
     "modules": (206, 220),
     "packages directly under pinsing": (16, 16),

@@ -357,8 +357,9 @@ def search(
         return box.drawn(max(_LEAST_DRAWN, 2 * count), rng)[:count]
     found, free = [np.zeros((0, len(box.lower)))], box.free
     missing = count
-    cheap = sum(len(e.cos) for e in equations) <= _CHEAP
-    within = None if cheap else stop
+    lengths = sorted(len(e.cos) for e in equations)
+    terms = np.cumsum(lengths)
+    within = None if terms[-1] <= _CHEAP else stop
     ways = orders(equations, free)
     # Batches of points in closed form before random starts are brought to the set instead.
     for attempt in range(6 if ways else 0):
@@ -373,10 +374,15 @@ def search(
             return np.concatenate(found)
         if within is not None and within():
             break
-    few = _shortest(equations)
-    short, whole = system_of(few) if few else None, system_of(equations)
+    whole, short = system_of(equations), None
+    if len(lengths) > MOST_ORDERED:  # the short ones bring most points near at little cost
+        few = max(2, int((terms <= 0.2 * terms[-1]).sum()))
+        short = system_of(sorted(equations, key=lambda e: len(e.cos))[:few])
     # What is asked for next is drawn from the same numbers, whether this search is spared or not.
-    nothing = ways and missing == count and _nothing_in(equations, box)
+    nothing = ways and missing == count and all(box.free[list(e.involved)].all() for e in equations)
+    if nothing:  # if a short look shows that the box, and what counts as in it, has no point
+        ends = box.lower - ROUNDING, box.upper + ROUNDING
+        nothing = proven_empty(equations, *ends, boxes=_PROOF_TERMS // int(terms[-1]))
     for _ in range(rounds):
         q = box.drawn(max(_LEAST_DRAWN, 2 * missing), rng)
         if nothing:
@@ -387,14 +393,6 @@ def search(
             break
         within = stop
     return np.concatenate(found)
-
-
-def _nothing_in(equations: Sequence[Equation], box: SearchBox) -> bool:
-    """Whether a short look shows that a box, and what counts as in it, has no point of the set."""
-    if any(not box.free[list(e.involved)].all() for e in equations):
-        return False
-    boxes = _PROOF_TERMS // sum(len(e.cos) for e in equations)
-    return proven_empty(equations, box.lower - ROUNDING, box.upper + ROUNDING, boxes=boxes)
 
 
 def thrown(
@@ -428,16 +426,6 @@ def _from_random(
         clipped = np.where(box.free, np.clip(q[out], box.lower, box.upper), q[out])
         q[out], ok[out] = project(equations, clipped, box.free, 30, stop)
     return np.asarray(q[ok & box.holds(q)])
-
-
-def _shortest(equations: Sequence[Equation]) -> list[Equation]:
-    """The short ones of a long system: they bring most points near at little cost."""
-    if len(equations) < 4:
-        return []
-    ordered = sorted(equations, key=lambda e: len(e.cos))
-    terms = np.cumsum([len(e.cos) for e in ordered])
-    # Of the terms of a long system, in the equations that are solved first.
-    return ordered[: max(2, int((terms <= 0.2 * terms[-1]).sum()))]
 
 
 def fix_joint(equation: Equation, joint: int, value: float) -> Equation | None:

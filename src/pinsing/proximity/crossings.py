@@ -551,7 +551,7 @@ class Passage:
         self.crossings: list[Crossing] = []
         self.own_crossings: list[Crossing] = []
         self.stretches: list[NearStretch] = []
-        self.cut = self._near_at_end = False
+        self.cut = False
         # Of each family: the least distance proven along the path, found, and proven of a sample.
         self._least, self._nearest, self._proven = np.full((3, count), np.inf)
         # Of each family: a distance, and the samples around a place at which it may be nearest.
@@ -644,8 +644,7 @@ class Passage:
             q = Q[start + int(np.argmin(least[start : end + 1]))]
             family = watched.names[int(nearest_family(watched.conditions, q[None])[0][0])]
             ends, clear = (float(t[start]), float(t[end])), float(bound[start:end].min())
-            if start == 0 and self._near_at_end:
-                old = self.stretches[-1]
+            if self.stretches and ends[0] <= (old := self.stretches[-1]).t_end:
                 deeper = clear < old.clearance
                 new = replace(old, family=family, clearance=clear) if deeper else old
                 self.stretches[-1] = replace(new, t_end=ends[1])
@@ -653,7 +652,6 @@ class Passage:
                 self.stretches.append(NearStretch(*ends, family, clear))
             else:
                 self.cut = True
-        self._near_at_end = bool(self.stretches and len(inside) and inside[-1])
 
     def _change_sign(self, arm: Arm, motion: Motion, u: Array, Q: Array) -> None:
         """Keep where the determinant of the arm's Jacobian changes its sign between places u."""

@@ -345,7 +345,6 @@ class Speeds:
         self.limits = self.judge.limits
         self.tip_speed, self.turn_speed = tip_speed, turn_speed
         self._found: dict[str, list[Excess]] = {}
-        self._open: dict[tuple[str, int], int] = {}
 
     def found(self, kind: str) -> tuple[Excess, ...]:
         """Excesses of a kind, in the order of time."""
@@ -353,7 +352,8 @@ class Speeds:
 
     def feed(self, t: Array, Q: Array, first: int, last: int) -> None:
         """Take samples ``first`` to ``last`` of t (N,) and Q (N, n); the others are neighbours."""
-        own = slice(first, last)
+        # What goes on from the piece before is known by the time of the sample before.
+        own = slice(max(first - 1, 0), last)
         low, high = self.arm.lower - ROUNDING, self.arm.upper + ROUNDING
         out = np.maximum(Q[own] - high, low - Q[own])
         limit = np.where(Q[own] > high, self.arm.upper, self.arm.lower)
@@ -377,7 +377,7 @@ class Speeds:
         limits = np.broadcast_to(self.limits, speed.shape)
         over = speed > limits * (1 + 1e-9)
         self._keep("speed", before, after, speed / limits, speed, limits, over)
-        begin = max(begin, 2)
+        begin = max(begin - 1, 2)
         if self.accelerations is None or last <= begin:
             return
         rate = np.diff(Q, axis=0) / np.diff(t)[:, None]
@@ -410,42 +410,35 @@ class Speeds:
             return
         share = self.judge.shares(np.array([p.q for p in places]), self.tip_speed, self.turn_speed)
         share[: len(met)][share[: len(met)] > 1e5] = np.inf  # singular but for rounding
-        listed = self._found.setdefault("cost", [])
         for i, j in np.argwhere(share > 1):
-            t, joint, limit = places[i].t, self.arm.joints[j], float(self.limits[j])
-            new = Excess(joint, t, t, float(share[i, j]) * limit, t, limit)
-            gap = 1e-9 * (1 + abs(t))
-            ours = [k for k, e in enumerate(listed) if e.joint == joint]
-            same = [k for k in ours if listed[k].t - gap <= t <= listed[k].t_end + gap]
-            if not same:
-                listed.append(new)
-            elif new.worst > listed[same[0]].worst:
-                listed[same[0]] = replace(listed[same[0]], worst=new.worst, t_worst=t)
+            t, limit = places[i].t, float(self.limits[j])
+            new = Excess(self.arm.joints[j], t, t, float(share[i, j]) * limit, t, limit)
+            self._add("cost", new, 1e-9 * (1 + abs(t)))
 
     def _keep(
         self, kind: str, t: Array, t_end: Array, size: Array, value: Array, limit: Array, bad: Bool
     ) -> None:
-        """Turn runs of bad entries (K, n) into excesses, joined with those of the piece before."""
-        listed = self._found.setdefault(kind, [])
+        """Turn runs of bad entries (K, n) into excesses."""
         for j in range(self.arm.n):
-            was = self._open.pop((kind, j), None)
             for first, end in runs(bad[:, j]):
+                if first and len(self._found.get(kind, [])) >= 200:
+                    break
                 k = first + int(np.argmax(size[first:end, j]))
                 times = float(t[first]), float(t_end[end - 1])
                 worst = float(value[k, j]), float(t[k]), float(limit[k, j])
-                new = Excess(self.arm.joints[j], *times, *worst)
-                if first == 0 and was is not None:
-                    old = listed[was]
-                    larger = abs(new.worst - new.limit) > abs(old.worst - old.limit)
-                    listed[was] = replace(new if larger else old, t=old.t, t_end=new.t_end)
-                    index = was
-                elif len(listed) < 200:
-                    listed.append(new)
-                    index = len(listed) - 1
-                else:
-                    continue
-                if end == len(bad):
-                    self._open[kind, j] = index
+                self._add(kind, Excess(self.arm.joints[j], *times, *worst))
+
+    def _add(self, kind: str, new: Excess, gap: float = 0.0) -> None:
+        """Take an excess, as one with that of the joint that it goes on from."""
+        listed = self._found.setdefault(kind, [])
+        for k, old in enumerate(listed):
+            if old.joint == new.joint and old.t - gap <= new.t <= old.t_end + gap:
+                larger = abs(new.worst - new.limit) > abs(old.worst - old.limit)
+                end = max(old.t_end, new.t_end)
+                listed[k] = replace(new if larger else old, t=old.t, t_end=end)
+                return
+        if gap or len(listed) < 200:
+            listed.append(new)
 
 
 NEAR = np.radians(5.0)
@@ -697,8 +690,8 @@ def check_trajectory(
     speeds = Speeds(arm, tip_speed, turn_speed, joint_speeds, limits, t is not None)
     for first in range(0, N, _CHUNK):
         last = min(first + _CHUNK, N)
-        # One sample to each side, so that what happens at the seams is seen as a whole.
-        low, high = max(first - 2, 0), min(last + 2, N)
+        # Some samples to each side, so that what happens at the seams is seen as a whole.
+        low, high = max(first - 3, 0), min(last + 2, N)
         block = samples[low:high]
         plain = block.dtype.kind in "fiub"
         part = np.array(block, dtype=float) if plain else watched.check(block)
