@@ -10,7 +10,6 @@ import pinsing
 from pinsing.atomic_write import check_writable, write_text
 from pinsing.cli import output as figure
 from pinsing.cli.output import say
-from pinsing.description import dh_table
 from pinsing.errors import OutputError, PinsingError, ResultError
 
 
@@ -60,13 +59,6 @@ def test_a_map_into_what_is_no_folder(tmp_path):
             pinsing.sampling.sigma_map(arm, count=8, out=bad)
         assert str(raised.value).isprintable()
         assert len(str(raised.value)) < 500
-
-
-def test_no_room_for_what_a_dh_table_needs_in_between(tmp_path, monkeypatch):
-    table = dh_table.read_dh(Path(__file__).parent.parent / "urdf" / "planar3r.dh.yaml")
-    monkeypatch.setattr(dh_table.tempfile, "tempdir", str(tmp_path / "gone"))
-    with pytest.raises(OutputError, match="temporary"):
-        dh_table.dh_to_urdf.__wrapped__(table)
 
 
 def test_settings_of_figures_are_read_from_files_alone(tmp_path, monkeypatch, capsys):

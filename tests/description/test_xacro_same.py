@@ -8,14 +8,13 @@ import pytest
 from command_line import python
 
 from pinsing.description.catalog import data_folder
-from pinsing.description.dh_table import urdf_folder
 from pinsing.description.xacro import expand_xacro
 from pinsing.errors import RobotFileError
 
 # xacro as it comes, on files that we know; packages are the folders by their names.
 PLAIN = """
 import contextlib, io, json, sys, types
-files, packages, arguments = json.load(sys.stdin)
+files, packages = json.load(sys.stdin)
 module = types.ModuleType("ament_index_python.packages")
 module.get_package_share_directory = packages.__getitem__
 sys.modules["ament_index_python"] = types.ModuleType("ament_index_python")
@@ -26,7 +25,7 @@ for file in files:
     xacro.filestack = xacro.macrostack = None
     try:
         with contextlib.redirect_stderr(io.StringIO()), contextlib.redirect_stdout(io.StringIO()):
-            document = xacro.process_file(file, mappings=dict(arguments))
+            document = xacro.process_file(file)
             found[file] = document.toprettyxml(indent="  ")
     except Exception as error:
         found[file] = None
@@ -34,21 +33,21 @@ print(json.dumps(found))
 """
 
 
-def compare(root, arguments=None, reasons=None):
+def compare(root, reasons=None):
     """Count files, and those that both turn into the same URDF; ``reasons`` gets the others."""
     files = sorted(root.rglob("*.xacro"))
     packages = {f.name: str(f) for f in sorted(root.rglob("*")) if f.is_dir()}
     packages[root.name] = str(root)
-    given = json.dumps([[str(f) for f in files], packages, arguments or {}])
+    given = json.dumps([[str(f) for f in files], packages])
     plain = json.loads(python("-c", PLAIN, input=given, check=True).stdout)
     refused: dict[str, str] = {}
     for file in files:
         if plain[str(file)] is None:
             with pytest.raises(RobotFileError) as caught:
-                expand_xacro(file, packages, arguments)
+                expand_xacro(file, packages)
             refused[str(file.relative_to(root))] = str(caught.value)
         else:
-            assert expand_xacro(file, packages, arguments).xml == plain[str(file)], file
+            assert expand_xacro(file, packages).xml == plain[str(file)], file
     if reasons is not None:
         reasons.update(refused)
     return len(files), len(files) - len(refused)
@@ -65,21 +64,6 @@ def package_folder(name: str) -> Path:
 def test_example_robot_data():
     folder = data_folder()
     assert compare(folder) == (2, 1)  # the other includes package://..., xacro fails
-
-
-@pytest.mark.slow
-def test_ours(tmp_path):
-    table = tmp_path / "urdf" / "arm.yaml"
-    (tmp_path / "urdf").mkdir()
-    joint = {"name": "j", "type": "revolute", "parent": "a", "child": "b", "xyz": "0 0 1"}
-    joint |= {"rpy": "0 0 0", "velocity": 1, "effort": 2}
-    bones = [{"xyz": "0 0 0", "rpy": "0 0 0", "length": 0.3, "end": "0 0 0.3"}] * 2
-    links = [{"name": "a", "bones": bones}, {"name": "b", "bones": [], "hub": True}]
-    arm = {"name": "arm", "size": 1.5, "moving": 1, "joints": [joint], "links": links}
-    table.write_text(json.dumps(arm))
-    copy = tmp_path / "urdf" / "dh_arm.xacro"
-    copy.write_bytes((urdf_folder() / "dh_arm.xacro").read_bytes())
-    assert compare(tmp_path, arguments={"arm": str(table)}) == (1, 1)
 
 
 # Of rtb-data, what no xacro can expand: the package that each needs does not come with it.

@@ -1,8 +1,7 @@
 """Denavit-Hartenberg tables, standard and modified, and the URDF made of them.
 
-A table is a YAML file (``urdf/*.dh.yaml``); one xacro, ``urdf/dh_arm.xacro``, turns every table
-into a URDF with simple shapes. Row i of a table is, with Rz, Tz, Tx, Rx the rotation and
-translation about and along an axis,
+A table is a YAML file (``urdf/*.dh.yaml``), of which a URDF with simple shapes is made. Row i of a
+table is, with Rz, Tz, Tx, Rx the rotation and translation about and along an axis,
 
 - standard (Denavit and Hartenberg 1955; Paul 1981):
   ``A_i = Rz(theta_i) Tz(d_i) Tx(a_i) Rx(alpha_i)``;
@@ -15,25 +14,18 @@ is the frame n; ``tool0`` is that frame, or the tool fixed to it (and then ``fla
 
 from __future__ import annotations
 
-import functools
 import math
 import re
-import tempfile
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal, cast
-from xml.etree.ElementTree import Element, SubElement, tostring
-
-import yaml
+from typing import Literal, cast
 
 from pinsing.description.catalog import known_arms, urdf_folder
 from pinsing.description.urdf import DEFAULT_EFFORT, DEFAULT_VELOCITY
-from pinsing.description.xacro import expand_xacro
+from pinsing.description.xml_tree import Node, to_text
 from pinsing.description.yaml_tree import Number, YamlNode, compose
-from pinsing.errors import OutputError, why
 
 Vector = tuple[float, float, float]
 
@@ -284,28 +276,25 @@ __all__ = [
 ]
 
 
-@functools.lru_cache  # xacro is a process of its own: a sixth of a second
 def dh_to_urdf(table: DHTable) -> str:
-    """Return the URDF of a table, made by ``urdf/dh_arm.xacro``.
+    """Return the URDF of a table, with simple shapes.
 
     Links are ``base_link``, ``link1``, ... and ``tool0`` (after ``flange``, frame n, where the
     table has a tool); joints have the names of the rows. Without a ``velocity`` or an ``effort`` in
     the table a joint gets 1 rad/s or m/s and 100 N·m or N, since a URDF must have them.
     """
-    # xacro reads tables from files only, and only from folders that it is given.
-    try:
-        folder = tempfile.TemporaryDirectory(prefix="pinsing-")
-        numbers = Path(folder.name, "arm.yaml")
-        numbers.write_text(yaml.safe_dump(_arm(table)), encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"cannot make a folder for temporary files: {why(error)}") from None
-    with folder as name:
-        made = expand_xacro(
-            urdf_folder() / "dh_arm.xacro", {"arm": name}, {"arm": str(numbers)}
-        ).xml
-    head, start, robot = made.partition("\n<robot ")
-    declaration = head.split("\n", 1)[0]  # after it come comments of xacro, which hold the path
-    return f"{declaration}\n{_banner(table)}{start}{robot.rstrip()}\n"
+    words = f" Made by pinsing from the {table.convention} DH table of {table.name}; do not edit. "
+    words += f"{table.source} " if table.source else ""
+    while "--" in words:  # which no XML comment may hold
+        words = words.replace("--", "- -")
+    _, _, robot = to_text(_robot(table, (), False)).partition("\n")
+    return f'<?xml version="1.0" ?>\n<!--{words}-->\n{robot}'
+
+
+def bare_urdf(table: DHTable, turning: Collection[int] = ()) -> str:
+    """Return the URDF of a table without shapes, for chains that nobody looks at."""
+    # Twists of rows ``turning`` are joints, as in `with_turns`.
+    return to_text(_robot(table, turning, True))
 
 
 def with_turns(table: DHTable, turning: Collection[int] = ()) -> list[tuple[str, str, Placement]]:
@@ -346,91 +335,57 @@ def with_turns(table: DHTable, turning: Collection[int] = ()) -> list[tuple[str,
     return ends
 
 
-def bare_urdf(table: DHTable, turning: Collection[int] = ()) -> str:
-    """Return the URDF of a table without shapes, as `dh_to_urdf` but without xacro or files."""
-    # For chains that nobody looks at. Twists of rows ``turning`` are joints, as in `with_turns`.
-    joints = _joints(table, turning)
-    robot = Element("robot", name=table.name)
-    for name in (BASE, *(joint["child"] for joint in joints)):
-        SubElement(robot, "link", name=name)
-    for joint in joints:
-        element = SubElement(robot, "joint", name=joint["name"], type=joint["type"])
-        SubElement(element, "origin", xyz=joint["xyz"], rpy=joint["rpy"])
-        SubElement(element, "parent", link=joint["parent"])
-        SubElement(element, "child", link=joint["child"])
-        if joint["type"] != "fixed":
-            SubElement(element, "axis", xyz=joint.get("axis", "0 0 1"))
-            limits = ("lower", "upper", "velocity", "effort")
-            SubElement(element, "limit", {k: joint[k] for k in limits if k in joint})
-    return tostring(robot, encoding="unicode")
+_COLOURS = {
+    "light": "0.87 0.89 0.91 1",
+    "blue": "0.27 0.48 0.71 1",
+    "axis": "0.96 0.62 0.17 1",
+    "metal": "0.55 0.58 0.62 1",
+    "dark": "0.22 0.24 0.28 1",
+    "tool": "0.80 0.20 0.24 1",
+}
 
 
-def _joints(table: DHTable, turning: Collection[int] = ()) -> list[dict[str, Any]]:
-    """Return the text of the joints, base to tip; placements are written in full (repr)."""
-    rows, ends = iter(table.rows), iter((TIP,) if table.tool is None else (FLANGE, TIP))
-    joints: list[dict[str, Any]] = []
+def _node(tag: str, *children: Node, **attributes: object) -> Node:
+    return Node(tag, {k: str(v) for k, v in sorted(attributes.items())}, 0, list(children))
+
+
+def _robot(table: DHTable, turning: Collection[int], bare: bool) -> Node:
+    """The robot, base to tip; placements are written in full (repr)."""
+    ends = with_turns(table, turning)
+    looks = [[] for _ in range(len(ends) + 1)] if bare else _looks(table, [e[2] for e in ends])
+    rows, fixed = iter(table.rows), iter((TIP,) if table.tool is None else (FLANGE, TIP))
+    robot = _node("robot", name=table.name)
+    if not bare:
+        colours = ((name, _node("color", rgba=rgba)) for name, rgba in _COLOURS.items())
+        robot.children += [_node("material", color, name=name) for name, color in colours]
     parent, count = BASE, 0
-    for name, axis, place in with_turns(table, turning):
+    robot.children.append(_node("link", *looks[0], name=parent))
+    for shapes, (name, axis, place) in zip(looks[1:], ends, strict=True):
         if axis == "z":
             row, count = next(rows), count + 1
-            child, joint = f"link{count}", {"name": name, "type": row.type, **_limits(row)}
+            child, kind, limits = f"link{count}", str(row.type), _limits(row)
         elif axis == "x":
+            child, kind = f"{name}_link", "revolute"
             limits = {"lower": "-4", "upper": "4", "velocity": "1", "effort": "1"}
-            child = f"{name}_link"
-            joint = {"name": name, "type": "revolute", "axis": "1 0 0", **limits}
         else:
-            child = next(ends)
-            joint = {"name": f"{child}_fixed", "type": "fixed"}
-        joints.append({**joint, **_origin(place), "parent": parent, "child": child})
+            child, kind, limits = next(fixed), "fixed", {}
+        ends_of = _node("parent", link=parent), _node("child", link=child)
+        joint = _node("joint", _origin(place), *ends_of, name=name or f"{child}_fixed", type=kind)
+        if axis:
+            along = "0 0 1" if axis == "z" else "1 0 0"
+            joint.children += [_node("axis", xyz=along), _node("limit", **limits)]
+        robot.children += [joint, _node("link", *shapes, name=child)]
         parent = child
-    return joints
+    return robot
 
 
-def _banner(table: DHTable) -> str:
-    words = f" Made by pinsing from the {table.convention} DH table of {table.name}; do not edit. "
-    words += f"{table.source} " if table.source else ""
-    while "--" in words:  # which no XML comment may hold
-        words = words.replace("--", "- -")
-    return f"<!--{words}-->"
+def _origin(placement: Placement) -> Node:
+    xyz, rpy = (" ".join(map(repr, map(float, v))) for v in (placement.xyz, placement.rpy))
+    return _node("origin", xyz=xyz, rpy=rpy)
 
 
-def _arm(table: DHTable) -> dict[str, Any]:
-    """Return the numbers that the xacro reads: text of joints, shapes, and the arm's size [m]."""
-    # Shapes are rounded to a nanometre so that no libm shows in the file.
-    joints, count = _joints(table), len(table.rows)
-    ends = [place for _, _, place in with_turns(table)]
-    names = (BASE, *(joint["child"] for joint in joints))
-    links: list[dict[str, Any]] = [{"name": name, "bones": []} for name in names]
-    for i, end in enumerate(ends):
-        knee = _knee(table, i, end) if i <= count else end.xyz
-        links[i].update(bones=_bones((0.0, 0.0, 0.0), knee, end.xyz))
-    for i, (row, placement) in enumerate(zip(table.rows, ends, strict=False)):
-        if row.type == "prismatic":
-            links[i].update(sleeve=_origin(placement))
-            links[i + 1].update(_rod(row))
-        else:
-            links[i + 1].update(hub=True)
-    size = sum(math.hypot(*end.xyz) for end in ends)
-    size += sum(max(abs(q) for q in _travel(row)) for row in table.rows)
-    return {
-        "name": table.name,
-        "size": round(size, 9) or 0.1,
-        "moving": count,
-        "joints": joints,
-        "links": links,
-    }
-
-
-def _text(vector: Vector) -> str:
-    return " ".join(repr(float(x)) for x in vector)
-
-
-def _origin(placement: Placement) -> dict[str, Any]:
-    return {"xyz": _text(placement.xyz), "rpy": _text(placement.rpy)}
-
-
-def _limits(row: DHRow) -> dict[str, Any]:
-    limits: dict[str, Any] = {
+def _limits(row: DHRow) -> dict[str, object]:
+    limits: dict[str, object] = {
         "velocity": repr(DEFAULT_VELOCITY if row.velocity is None else row.velocity),
         "effort": repr(DEFAULT_EFFORT if row.effort is None else row.effort),
     }
@@ -446,6 +401,55 @@ def _travel(row: DHRow) -> tuple[float, float]:
     return min(row.lower, 0.0), max(row.upper, 0.0)
 
 
+def _looks(table: DHTable, ends: list[Placement]) -> list[list[Node]]:
+    """Return the shapes of each link, rounded to a nanometre so that no libm shows in the file."""
+    rows, last = table.rows, len(ends)
+    size = sum(math.hypot(*end.xyz) for end in ends)
+    size += sum(max(map(abs, _travel(row))) for row in rows)
+    size = round(size, 9) or 0.1
+    out: list[list[Node]] = [[] for _ in range(last + 1)]
+    out[0].append(_round("dark", 0.09 * size, 0.02 * size, f"0 0 {round(-0.01 * size, 9)}"))
+    # Links taper from 3.5 % of the arm's size at the base to 1.8 % at the tip.
+    radii = [size * (0.035 - 0.017 * i / (len(rows) + 1)) for i in range(last + 1)]
+    for i, end in enumerate(ends):
+        knee = _knee(table, i, end) if i <= len(rows) else end.xyz
+        out[i] += _bones("blue" if i % 2 else "light", radii[i], knee, end.xyz)
+    for i, row in enumerate(rows, 1):
+        radius, travel = radii[i], _travel(row)
+        if row.type != "prismatic":  # a hub, about the link's own axis
+            hub = _round("dark", 1.35 * radius, 2.6 * radius)
+            out[i] += [hub, _round("axis", 0.4 * radius, 5.2 * radius)]
+            continue
+        sleeve = _bar("dark", 2.2 * radii[i - 1], 3.2 * radii[i - 1], _origin(ends[i - 1]))
+        out[i - 1].append(sleeve)
+        if travel != (0.0, 0.0):  # a rod long enough to stay in its sleeve at every value
+            middle = round(-sum(travel) / 2, 9) + 0.0
+            at = _node("origin", xyz=f"0.0 0.0 {middle!r}", rpy="0 0 0")
+            out[i].append(_bar("metal", radius, travel[1] - travel[0], at))
+    out[last].append(_round("tool", 1.45 * radii[last]))
+    tip = f"0 0 {round(0.02 * size, 9)}"
+    out[last].append(_round("tool", 0.4 * radii[last], 0.04 * size, tip))
+    return out
+
+
+def _visual(colour: str, at: Node, shape: Node) -> Node:
+    return _node("visual", at, _node("geometry", shape), _node("material", name=colour))
+
+
+def _round(
+    colour: str, radius: float, length: float = 0.0, xyz: str = "0 0 0", rpy: str = "0 0 0"
+) -> Node:
+    """A cylinder, or a ball."""
+    sizes = {"radius": round(radius, 6)} | ({"length": round(length, 9)} if length else {})
+    shape = _node("cylinder" if length else "sphere", **sizes)
+    return _visual(colour, _node("origin", xyz=xyz, rpy=rpy), shape)
+
+
+def _bar(colour: str, width: float, length: float, at: Node) -> Node:
+    size = f"{round(width, 6)} {round(width, 6)} {round(length, 9)}"
+    return _visual(colour, at, _node("box", size=size))
+
+
 def _knee(table: DHTable, i: int, end: Placement) -> Vector:
     """Return the point of link i between its two straight parts, along d and along a."""
     if table.convention == "standard":
@@ -455,29 +459,20 @@ def _knee(table: DHTable, i: int, end: Placement) -> Vector:
     return a * c, a * s, 0.0
 
 
-def _bones(*points: Vector) -> list[dict[str, Any]]:
-    """Return the cylinders of a link, from its own joint to the next."""
-    bones = []
-    for start, end in pairwise(points):
-        x, y, z = (q - p for p, q in zip(start, end, strict=True))
+def _bones(colour: str, radius: float, knee: Vector, end: Vector) -> list[Node]:
+    """Return the cylinders of a link, from its own joint to the next, and a ball between two."""
+
+    def text(values: Iterable[float]) -> str:
+        return " ".join(repr(round(x, 9) + 0.0) for x in values)
+
+    bones: list[Node] = []
+    start = (0.0, 0.0, 0.0)
+    for stop in (knee, end):
+        x, y, z = (q - p for p, q in zip(start, stop, strict=True))
         if (length := round(math.hypot(x, y, z), 9)) > 0:
-            middle = (round((p + q) / 2, 9) + 0.0 for p, q in zip(start, end, strict=True))
-            rpy = (round(angle, 9) + 0.0 for angle in pointing((x, y, z)))
-            bones.append(
-                {
-                    "xyz": " ".join(map(repr, middle)),
-                    "rpy": " ".join(map(repr, rpy)),
-                    "length": length,
-                    "end": " ".join(repr(round(q, 9) + 0.0) for q in end),
-                }
-            )
+            if bones:
+                bones.append(_round(colour, radius, xyz=text(start)))
+            middle = text((p + q) / 2 for p, q in zip(start, stop, strict=True))
+            bones.append(_round(colour, radius, length, middle, text(pointing((x, y, z)))))
+        start = stop
     return bones
-
-
-def _rod(row: DHRow) -> dict[str, Any]:
-    """Return the rod of a sliding link, long enough to stay in its sleeve at every value."""
-    low, high = _travel(row)
-    if low == high:
-        return {}
-    middle = round(-(low + high) / 2, 9) + 0.0
-    return {"rod": {"xyz": f"0.0 0.0 {middle!r}", "length": round(high - low, 9)}}
