@@ -21,8 +21,8 @@ SOURCE = Path(pinsing.__file__).parent
 
 # From the ground up. A package imports what stands before it, and itself; nothing else.
 ORDER = (
-    "measures", "_version", "_package", "proof", "errors", "prose", "description", "arguments",
-    "notebook", "robot", "serialization", "atomic_write", "chunk_file",
+    "measures", "_version", "_package", "proof", "errors", "prose", "notebook", "description",
+    "interface", "robot", "atomic_write", "chunk_file",
     "_batch", "kinematics", "algebra", "families", "loops", "proximity",
     "postures", "sampling", "plot", "view", "report", "cli", "__init__", "__main__",
 )  # fmt: skip

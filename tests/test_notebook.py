@@ -11,7 +11,8 @@ from tiers import sampled
 from urdf_texts import LIMIT, joint
 
 import pinsing
-from pinsing.notebook import mathml, one_line
+from pinsing.notebook import mathml
+from pinsing.prose import one_line
 
 HOSTILE = """<img src=x onerror="alert(1)">$x^{$</code></table>&amp;"""
 

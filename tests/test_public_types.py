@@ -277,7 +277,7 @@ def public() -> dict[str, Any]:
             found[name] = value
         for method, function in inspect.getmembers(value, inspect.isfunction):
             given = set(inspect.signature(function).parameters) - {"self"}
-            shared = function.__module__ == "pinsing.serialization"  # one for all: tested below
+            shared = function.__module__ == "pinsing.interface"  # one for all: tested below
             if given and not shared and method[0] != "_" and method not in INTERNAL:
                 found[f"{name}.{method}"] = function
     return found

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from pinsing.errors import OptionError, ResultError
-from pinsing.serialization import JsonResult
+from pinsing.interface import JsonResult
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from command_line import python
 from tiers import tiered
 
 from pinsing import Arm, analyze, at, closed_form, load, singular_values
+from pinsing.interface import JsonResult
 from pinsing.kinematics import refine
 from pinsing.sampling import sweep
-from pinsing.serialization import JsonResult
 
 ROBOTS = ("ur5", "panda", "stanford")
 

@@ -16,7 +16,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 import pinsing
-from pinsing.serialization import JsonResult, Written
+from pinsing.interface import JsonResult, Written
 
 
 class JsonSchemas(SphinxDirective):

@@ -15,7 +15,7 @@ from typing import Any
 
 # Below src/pinsing; what reads files, messages and data of strangers.
 _READERS = (
-    "description", "proof/checker.py", "sampling", "serialization.py", "chunk_file.py",
+    "description", "proof/checker.py", "sampling", "interface.py", "chunk_file.py",
     "proximity/trajectory_file.py", "robot/load.py", "robot/mechanism.py",
     "view/meshes.py", "view/mesh_worker.py",
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Results in a notebook: HTML with equations as MathML, and one-line texts.
+"""Results in a notebook: HTML with equations as MathML.
 
 Nothing has to be fetched to read them, and nothing is known of the page around: it may be dark.
 Names come out of files that anybody may have written. They are escaped and stand in ``<code>``,
@@ -14,7 +14,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 
 from pinsing.errors import Refusal
-from pinsing.prose import WIDTH, visible
+from pinsing.prose import escaped as escaped, html_text as text
 
 _PLAIN = r"-+=()^_/,.<>|:;"
 _TOKENS = re.compile(
@@ -24,13 +24,6 @@ _TOKENS = re.compile(
 )
 _THIN, _SPACE, _QUAD = (f'<mspace width="{w}"></mspace>' for w in ("0.17em", "0.4em", "1em"))
 _FUNCTIONS = (r"\cos", r"\sin")
-
-
-def escaped(words: str) -> str:
-    """Words without what HTML would take for its own."""
-    import html  # with all names of characters: a command without a page can do without
-
-    return html.escape(words)
 
 
 class _Unknown(Refusal, ValueError):
@@ -173,20 +166,6 @@ _COLORS = {"alarm": "#b00020", "caution": "#8a5a00", "good": "#1b6e3c"}
 """Grounds that white is read on; a page's own ground is not known."""
 _DOTS = {"alarm": "#e5484d", "caution": "#b7791f", "good": "#2f9e5f"}
 """Seen on white and on black."""
-
-
-def one_line(kind: str, text: str) -> str:
-    """Return ``<kind: first line of text>``, short and without control characters."""
-    first = text.strip().splitlines()[0] if text.strip() else ""
-    first = visible(first)
-    cut = first if len(first) <= WIDTH else first[: WIDTH - 3] + "..."
-    return f"<{kind}: {cut}>" if cut else f"<{kind}>"
-
-
-def text(words: str, block: bool = False) -> str:
-    """Words as HTML that no page takes for mathematics; a ``block`` keeps its lines."""
-    tag = "pre" if block else "span"
-    return f'<{tag} class="tex2jax_ignore mathjax_ignore">{escaped(words)}</{tag}>'
 
 
 def name(words: str) -> str:

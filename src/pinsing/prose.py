@@ -294,3 +294,24 @@ def _narrowed(widths: Sequence[int], least: Sequence[int], room: int) -> list[in
 def _aligned(text: str, width: int, right: bool) -> str:
     gap = " " * max(width - columns(text), 0)
     return gap + text if right else text + gap
+
+
+def escaped(words: str) -> str:
+    """Words without what HTML would take for its own."""
+    import html  # with all names of characters: a command without a page can do without
+
+    return html.escape(words)
+
+
+def one_line(kind: str, text: str) -> str:
+    """Return ``<kind: first line of text>``, short and without control characters."""
+    first = text.strip().splitlines()[0] if text.strip() else ""
+    first = visible(first)
+    cut = first if len(first) <= WIDTH else first[: WIDTH - 3] + "..."
+    return f"<{kind}: {cut}>" if cut else f"<{kind}>"
+
+
+def html_text(words: str, block: bool = False) -> str:
+    """Words as HTML that no page takes for mathematics; a ``block`` keeps its lines."""
+    tag = "pre" if block else "span"
+    return f'<{tag} class="tex2jax_ignore mathjax_ignore">{escaped(words)}</{tag}>'

@@ -10,9 +10,8 @@ from dh_reference import row_matrix
 from tiers import tiered_rows
 
 import pinsing
-from pinsing.kinematics.inverse import FoundSolutions, drawn, mirrored
+from pinsing.kinematics.inverse import FoundSolutions, Solver, drawn, mirrored
 from pinsing.kinematics.jacobian import tip_placement
-from pinsing.kinematics.newton import Solver
 
 
 def ur5_inverse(T):
@@ -259,7 +258,7 @@ def test_a_full_set_is_known_to_be_full():
 
 class TestRadius:
     def test_the_true_solution_is_within(self):
-        from pinsing.kinematics.newton import radii
+        from pinsing.kinematics.inverse import radii
 
         for name in ("ur5", "stanford", "kinova"):
             arm = pinsing.load(name)

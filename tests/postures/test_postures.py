@@ -12,8 +12,8 @@ import pinsing
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import Equation
 from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
+from pinsing.kinematics.inverse import one_sheet, regular_way
 from pinsing.kinematics.jacobian import tip_placement
-from pinsing.kinematics.newton import one_sheet, regular_way
 from pinsing.postures.boxes import Ground, on_boxes, slope, sum_of
 from pinsing.postures.joint_map import Divided, Wheel, partition, subdivide
 from pinsing.proximity.clearance import watch

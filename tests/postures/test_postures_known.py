@@ -8,8 +8,8 @@ import pytest
 from dh_arms import arm_of, aspects_of, form_of
 
 import pinsing
+from pinsing.kinematics.inverse import columns, regular_way
 from pinsing.kinematics.jacobian import ratios
-from pinsing.kinematics.newton import columns, regular_way
 
 EVERY = ("F1", "F2", "F3")
 

@@ -37,8 +37,8 @@ from pinsing._batch import engine
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.ring import Value
 from pinsing.algebra.trig_sum import COMBINED, TINY, At, TrigSum, least_norm, off_values, to_zeros
-from pinsing.arguments import whole_number
 from pinsing.errors import OptionError
+from pinsing.interface import whole_number
 from pinsing.measures import ROUNDING, Array, Bool, Ints
 from pinsing.robot.arm import JointSpace
 

@@ -259,6 +259,7 @@ def sweep_command(
         npz is not None and folder is not None,
         f"-o {npz} and -o {folder}: the folder gets the curves already",
     )
+    from pinsing.interface import encode
     from pinsing.robot.nominal import nominal
     from pinsing.sampling.analyze import singular_configurations
     from pinsing.sampling.execute import ctrl_c_afterwards
@@ -270,7 +271,6 @@ def sweep_command(
         save_npz,
         sweep_text,
     )
-    from pinsing.serialization import encode
 
     tests = nominal(arm, angle_tol=RAW_ANGLE_TOL).arm if geometry == "raw" else nominal(arm).arm
     swept = tests if geometry == "nominal" else arm

@@ -498,7 +498,7 @@ def _answer(
     state: State, found: tuple[ClosedForm, Distances] | None, degrees: bool, robot: str
 ) -> str:
     """Return what is wrong there, if anything, what is near, and what to do: five lines at most."""
-    from pinsing.arguments import typed
+    from pinsing.interface import typed
     from pinsing.kinematics.ladder import posture_names
     from pinsing.measures import ALIKE
     from pinsing.proximity.clearance import titled, watch

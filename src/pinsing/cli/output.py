@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from typing_extensions import Buffer
 
-    from pinsing.serialization import JsonResult
+    from pinsing.interface import JsonResult
     from pinsing.view.server import Server
     from pinsing.view.tab import Tab
 
@@ -70,7 +70,7 @@ def _in_unit(text: str) -> str:
     """What is kept in degrees, as families' conditions are, in radians where they are asked for."""
     if "°" not in text or not in_radians():
         return text
-    from pinsing.arguments import number_text
+    from pinsing.interface import number_text
 
     def number(found: re.Match[str]) -> str:
         new = number_text(math.radians(float(found[1])), False, False, 4)

@@ -33,15 +33,14 @@ from pinsing.algebra.generic_points import Residues
 from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
 from pinsing.algebra.mimic import own_offsets
 from pinsing.algebra.ring import Matrix, Poly, Ring, ring_of
-from pinsing.arguments import checked
 from pinsing.description.dh_table import BASE, FLANGE, TIP, DHTable, bare_urdf, read_dh, with_turns
 from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
+from pinsing.interface import JsonResult, checked
 from pinsing.measures import Array, ArrayLike, Chain
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.robot.models import axis_rotation
 from pinsing.robot.nominal import ExactPlacements, Length3, Nominal, nominal
-from pinsing.serialization import JsonResult
 
 
 @dataclass(frozen=True)

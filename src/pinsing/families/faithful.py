@@ -20,9 +20,9 @@ from pinsing.algebra.equation import equation
 from pinsing.algebra.mimic import own_offsets
 from pinsing.algebra.ring import MadeOnce, Poly, Ring, terms_of
 from pinsing.algebra.trig_sum import TINY
-from pinsing.arguments import typed
 from pinsing.families.family import Family
 from pinsing.families.zero_set import BLUNT, OwnPoints, SearchBox, thrown
+from pinsing.interface import typed
 from pinsing.measures import ALIKE, FLOAT_NOISE, Array
 from pinsing.robot.nominal import Nominal
 

@@ -17,7 +17,6 @@ import numpy as np
 from pinsing.algebra.components import Component
 from pinsing.algebra.conditions import BOXES, GAP, Branch, Conditions, SearchOptions
 from pinsing.algebra.equation import PLAIN, Equation, format_angle, latex_symbol
-from pinsing.arguments import checked, columns_of, real_numbers, whole_number
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.families.at_once import LONG, AtOnce, SolvedFor, long_form, long_ones
 from pinsing.families.zero_set import (
@@ -32,11 +31,11 @@ from pinsing.families.zero_set import (
     own_nearest,
     search,
 )
+from pinsing.interface import JsonResult, checked, columns_of, real_numbers, whole_number
 from pinsing.measures import ROUNDING, Array, ArrayLike, Bool, Reachability
-from pinsing.notebook import formula, legend, marked, name, table, text
-from pinsing.prose import listed
+from pinsing.notebook import formula, legend, marked, name, table
+from pinsing.prose import html_text as text, listed
 from pinsing.robot.arm import Arm, JointSpace, require_values
-from pinsing.serialization import JsonResult
 
 
 @dataclass(frozen=True)

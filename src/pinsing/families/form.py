@@ -10,7 +10,6 @@ import numpy as np
 
 from pinsing import notebook
 from pinsing.algebra.components import Component, RandomSteps
-from pinsing.arguments import checked, shown, stands_for, typed
 from pinsing.errors import ArgumentError, ConfigurationError, OptionError, UnknownNameError
 from pinsing.families.describe import ORDER
 from pinsing.families.family import (
@@ -26,12 +25,23 @@ from pinsing.families.family import (
 from pinsing.families.slices import SliceCount
 from pinsing.families.system import system_text
 from pinsing.families.tube import Tube
+from pinsing.interface import JsonResult, checked, shown, stands_for, typed
 from pinsing.measures import SINGULAR_RTOL, ArrayLike
-from pinsing.prose import PLAIN, Page, Span, caution, formula, good, measured, unbroken, visible
+from pinsing.prose import (
+    PLAIN,
+    Page,
+    Span,
+    caution,
+    formula,
+    good,
+    html_text,
+    measured,
+    unbroken,
+    visible,
+)
 from pinsing.robot.arm import Arm, ArmSummary
 from pinsing.robot.load import LOOPS
 from pinsing.robot.nominal import Deviation, Nominal, assumptions
-from pinsing.serialization import JsonResult
 
 
 @dataclass(frozen=True)
@@ -556,7 +566,7 @@ def _random_steps(forms: ClosedForm) -> str:
 
 def families_html(forms: ClosedForm) -> str:
     """The families in a table, and how sure it is that none is missing."""
-    text = notebook.text
+    text = html_text
     tone = {"proven": "good", "not complete": "caution"}.get(forms.word)
     said = forms.word if forms.complete else "NOT complete"
     state = notebook.verdict(said, tone) if tone else f"<strong>{text(said)}</strong>"

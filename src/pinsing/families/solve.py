@@ -34,7 +34,6 @@ from pinsing.algebra.equation import Equation
 from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
 from pinsing.algebra.mimic import NotFollowed, drives
 from pinsing.algebra.ring import Poly, Ring, Value, ring_of
-from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.families.certificate import LONG, prove as add_proof, prove_briefly
 from pinsing.families.describe import PieceMaker, SolvedPiece, describe, mirror_key, stated
@@ -45,6 +44,7 @@ from pinsing.families.long_chain import LongChain, gaps
 from pinsing.families.slices import RandomSingular, SliceCount, SliceSearch, count_on_slices
 from pinsing.families.tube import find_tube
 from pinsing.families.zero_set import OwnPoints
+from pinsing.interface import checked
 from pinsing.kinematics.jacobian import generic_rank
 from pinsing.measures import ROUNDING, NDArray
 from pinsing.robot.arm import Arm, summarize

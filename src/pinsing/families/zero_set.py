@@ -24,10 +24,10 @@ from pinsing.algebra.conditions import (
     weighted_sum,
 )
 from pinsing.algebra.equation import Equation
+from pinsing.interface import JsonResult
 from pinsing.kinematics.jacobian import own_jacobians_and_derivatives, own_scale, ratios
 from pinsing.measures import FLOAT_NOISE, NOISE, ROUNDING, Array, Bool
 from pinsing.robot.arm import Arm, JointSpace
-from pinsing.serialization import JsonResult
 
 
 @dataclass(frozen=True, eq=False)

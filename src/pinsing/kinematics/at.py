@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from pinsing import measures, notebook
-from pinsing.arguments import checked
+from pinsing.interface import JsonResult, checked
 from pinsing.kinematics.jacobian import (
     NEAR_RTOL,
     SINGULAR_RTOL,
@@ -43,11 +43,20 @@ from pinsing.kinematics.lost_motion import (
 )
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge, TipSpeeds, check_speeds
 from pinsing.measures import PRACTICAL, Array, ArrayLike
-from pinsing.prose import PLAIN, Page, Span, listed, measured, unbroken, verdict
+from pinsing.prose import (
+    PLAIN,
+    Page,
+    Span,
+    html_text,
+    listed,
+    measured,
+    one_line,
+    unbroken,
+    verdict,
+)
 from pinsing.robot.arm import Arm, ArmSummary, kept, summarize
 from pinsing.robot.nominal import nominal
 from pinsing.robot.task import parse_task
-from pinsing.serialization import JsonResult
 
 SINGULAR, NEAR_SINGULAR, REGULAR = "singular", "near-singular", "regular"
 ROUNDED_AWAY = "singular if the rounded numbers of the file"
@@ -197,9 +206,7 @@ class State(JsonResult):
         said = "SINGULAR" if self.singular else self.status
         r = self.generic_rank
         ratio = f"sigma_{r}/sigma_1 = {self.sigma_ratio:.2g}"
-        return notebook.one_line(
-            "State", f"{self.arm.name}, {said}: rank {self.rank} of {r}, {ratio}"
-        )
+        return one_line("State", f"{self.arm.name}, {said}: rank {self.rank} of {r}, {ratio}")
 
     def __str__(self) -> str:
         return state_text(self)
@@ -214,7 +221,7 @@ class State(JsonResult):
 
     def _repr_html_(self) -> str:
         """For notebooks, which prefer it: verdict in colour, what is lost and why."""
-        text = notebook.text
+        text = html_text
         tone = {SINGULAR: "alarm", NEAR_SINGULAR: "caution"}.get(self.status, "good")
         said = "SINGULAR" if self.status == SINGULAR else self.status
         ratio = rf"\sigma_{{{self.generic_rank}}}/\sigma_1 = {_latex_number(self.sigma_ratio)}"

@@ -12,10 +12,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
+from pinsing.interface import JsonResult, checked
 from pinsing.measures import NOISE, Array, ArrayLike, Ints
-from pinsing.serialization import JsonResult
 
 METHODS = ("pinv", "dls", "filter", "sdls", "jparse")
 

@@ -36,8 +36,8 @@ import pinocchio as pin
 
 from pinsing._batch import engine as kernel
 from pinsing._version import __version__
-from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, EngineError, OptionError
+from pinsing.interface import checked
 from pinsing.measures import (
     ALIKE,
     NEAR_RTOL as NEAR_RTOL,

@@ -9,8 +9,8 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from pinsing._batch import engine
-from pinsing.arguments import checked
 from pinsing.errors import OptionError
+from pinsing.interface import JsonResult, checked
 from pinsing.kinematics.jacobian import (
     NEAR_RTOL,
     PINOCCHIO,
@@ -35,7 +35,6 @@ from pinsing.kinematics.jacobian import (
 )
 from pinsing.measures import ALIKE, NOISE, SEED, Array, ArrayLike, Bool, NDArray
 from pinsing.robot.arm import Arm
-from pinsing.serialization import JsonResult
 
 Kind = Literal["boundary", "interior", "undecided"]
 

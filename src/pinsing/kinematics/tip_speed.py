@@ -17,9 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinsing.arguments import checked
 from pinsing.description.urdf import DEFAULT_EFFORT, DEFAULT_VELOCITY
 from pinsing.errors import OptionError
+from pinsing.interface import checked
 from pinsing.kinematics.jacobian import (
     SINGULAR_RTOL,
     frame_jacobians,

@@ -12,8 +12,8 @@ from typing import ClassVar
 import numpy as np
 
 from pinsing.algebra.budget import Stages
-from pinsing.arguments import checked, typed
 from pinsing.errors import OptionError
+from pinsing.interface import JsonResult, checked, typed
 from pinsing.loops.closure import BatchLoops, Ranks, output_pose, ranks, without_length
 from pinsing.loops.forms import SHORT, JointForms, PoseForms
 from pinsing.loops.joint_loci import joint_forms
@@ -47,7 +47,6 @@ from pinsing.loops.solve import (
 from pinsing.measures import ROUNDING, Array, ArrayLike
 from pinsing.prose import PLAIN, Page, Span, alarm, caution, formula, good, unbroken
 from pinsing.robot.mechanism import Mechanism
-from pinsing.serialization import JsonResult
 
 Line = tuple[str, tuple[Span, ...]]
 """An indent, and what follows it."""

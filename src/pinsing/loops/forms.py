@@ -23,8 +23,8 @@ from flint import Ordering, fmpq_mpoly_ctx
 
 from pinsing.algebra.equation import Equation, signed_sum
 from pinsing.algebra.ring import Poly, Ring, coefficients_by, fraction, rational
+from pinsing.interface import JsonResult
 from pinsing.measures import ALIKE, Array, ArrayLike, NDArray
-from pinsing.serialization import JsonResult
 
 Vector = tuple[Fraction, Fraction, Fraction]
 

@@ -27,13 +27,13 @@ import numpy as np
 from pinsing.algebra.equation import Equation, equation
 from pinsing.algebra.ring import Poly, Ring, make_ring, rational
 from pinsing.errors import OptionError
+from pinsing.interface import JsonResult
 from pinsing.loops.closure import at_zero, bodies, groups, plane_axes, position_in
 from pinsing.loops.forms import JointForms
 from pinsing.loops.singular_points import SingularPoint, refine_point
 from pinsing.measures import NOISE, Array, ArrayLike
 from pinsing.robot.arm import kept
 from pinsing.robot.mechanism import Mechanism, Sample, closing, path_to
-from pinsing.serialization import JsonResult
 
 
 @dataclass(frozen=True, eq=False)

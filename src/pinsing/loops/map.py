@@ -19,8 +19,8 @@ from typing import Any, ClassVar
 import numpy as np
 import pinocchio as pin
 
-from pinsing.arguments import MAX_STARTS, checked
 from pinsing.errors import OptionError
+from pinsing.interface import MAX_STARTS, JsonResult, checked
 from pinsing.loops.analysis import independent_inputs
 from pinsing.loops.closure import (
     BatchLoops,
@@ -49,7 +49,6 @@ from pinsing.loops.motion import (
 from pinsing.measures import NEAR_RTOL, ROUNDING, SINGULAR_RTOL, Array, ArrayLike, Bool, NDArray
 from pinsing.prose import PLAIN, Page
 from pinsing.robot.mechanism import Mechanism
-from pinsing.serialization import JsonResult
 
 
 class PoseWay:

@@ -36,8 +36,8 @@ from typing import Any, ClassVar
 import numpy as np
 import pinocchio as pin
 
-from pinsing.arguments import real_numbers
 from pinsing.errors import ConfigurationError
+from pinsing.interface import JsonResult, real_numbers
 from pinsing.kinematics.jacobian import read_pose as arm_pose
 from pinsing.loops.closure import (
     BatchLoops,
@@ -73,7 +73,6 @@ from pinsing.prose import Page, Table
 from pinsing.robot.arm import kept
 from pinsing.robot.mechanism import Mechanism, Sample, closing, joint_axes, path_to
 from pinsing.robot.task import ROW_NAMES
-from pinsing.serialization import JsonResult
 
 _HOME_STARTS = 60
 _MORE_STARTS = 4000

@@ -22,6 +22,7 @@ from typing import ClassVar
 import numpy as np
 
 from pinsing.errors import OptionError, PinsingError
+from pinsing.interface import JsonResult
 from pinsing.loops.closure import (
     BatchLoops,
     Loops,
@@ -34,7 +35,6 @@ from pinsing.loops.closure import (
 from pinsing.loops.motion import _motions, measure_many, mode_of
 from pinsing.measures import ALIKE, ROUNDING, SINGULAR_RTOL, SOLVED, Array, ArrayLike, Bool
 from pinsing.robot.mechanism import Mechanism
-from pinsing.serialization import JsonResult
 
 STEP = 0.04
 """Largest step along a curve, radians (or length scales)."""

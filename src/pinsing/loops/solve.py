@@ -13,8 +13,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
+from pinsing.interface import JsonResult, checked
 from pinsing.loops.closure import (
     BatchLoops,
     Loops,
@@ -45,7 +45,6 @@ from pinsing.loops.motion import (
 from pinsing.loops.singular_points import StoppedError, Trace, refined, trace, turns
 from pinsing.measures import ALIKE, SEED, SOLVED, Array, ArrayLike, Bool
 from pinsing.robot.mechanism import Mechanism
-from pinsing.serialization import JsonResult
 
 _STEP = 0.05
 

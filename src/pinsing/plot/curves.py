@@ -10,9 +10,9 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pinsing.arguments import checked, real_numbers
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
+from pinsing.interface import checked, real_numbers
 from pinsing.kinematics.jacobian import NEAR_RTOL, SINGULAR_RTOL, measure
 from pinsing.kinematics.refine import approach
 from pinsing.measures import Array, ArrayLike

@@ -16,8 +16,8 @@ import numpy as np
 import pinocchio as pin
 from matplotlib import pyplot as plt
 
-from pinsing.arguments import checked
 from pinsing.errors import OptionError
+from pinsing.interface import checked
 from pinsing.kinematics.at import REGULAR, State
 from pinsing.kinematics.jacobian import SINGULAR_RTOL
 from pinsing.kinematics.lost_motion import LostMotion

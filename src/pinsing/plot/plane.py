@@ -24,10 +24,10 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from pinsing.algebra.conditions import Conditions, two_sided
-from pinsing.arguments import checked, real_numbers, whole_number
 from pinsing.errors import OptionError
 from pinsing.families import Branch, ClosedForm, Equation, Family, closed_form
 from pinsing.families.solve import form_to_measure
+from pinsing.interface import checked, real_numbers, whole_number
 from pinsing.kinematics.jacobian import (
     generic_rank,
     ratios,

@@ -21,11 +21,11 @@ from typing import ClassVar
 import numpy as np
 
 from pinsing.algebra.budget import Budget
-from pinsing.arguments import checked, typed
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
+from pinsing.interface import JsonResult, checked, typed
+from pinsing.kinematics.inverse import columns, regular_way
 from pinsing.kinematics.ladder import ladder_of, posture_names
-from pinsing.kinematics.newton import columns, regular_way
 from pinsing.measures import PRACTICAL, ROUNDING, Array, ArrayLike
 from pinsing.postures.joint_map import Map, Part, Piece, make_map, require_same_families, toward
 from pinsing.proximity.clearance import Forms, each_of, quick, watch
@@ -33,7 +33,6 @@ from pinsing.proximity.crossings import check_times, crossings_of, least_along, 
 from pinsing.proximity.trajectory import AspectChange
 from pinsing.robot.arm import Arm, ArmSummary
 from pinsing.robot.nominal import nominal
-from pinsing.serialization import JsonResult
 
 _PIECES = (2_000, 20_000)
 

@@ -23,14 +23,13 @@ from typing import ClassVar, TypeAlias
 
 import numpy as np
 
-from pinsing.arguments import MAX_SEED, checked, typed, whole_number
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm, closed_form
 from pinsing.families.solve import form_to_measure
-from pinsing.kinematics.inverse import InverseSolution, inverse
+from pinsing.interface import MAX_SEED, JsonResult, checked, typed, whole_number
+from pinsing.kinematics.inverse import InverseSolution, columns, inverse, one_sheet, regular_way
 from pinsing.kinematics.jacobian import generic_rank, picked, ratios, tip_placement, turn_left
 from pinsing.kinematics.ladder import ladder_of, posture_names
-from pinsing.kinematics.newton import columns, one_sheet, regular_way
 from pinsing.measures import ALIKE, PRACTICAL, ROUNDING, Array, ArrayLike
 from pinsing.postures.aspects import (
     DIFFERENT,
@@ -51,7 +50,6 @@ from pinsing.proximity.clearance import require_forms_of
 from pinsing.proximity.line import LinePosture, check_line
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.nominal import nominal
-from pinsing.serialization import JsonResult
 
 _TRIED = 8
 """Copies to which a way is looked for, at most."""
@@ -697,7 +695,7 @@ def cuspidality(
     (`pinsing.kinematics.ladder`), or where no point has more than two solutions.
     Poses are those of random configurations; of each
     all inverse solutions are found and told apart by their aspects. Where two share one, a way
-    is found and proven to be regular throughout (`pinsing.kinematics.newton`); that is a
+    is found and proven to be regular throughout (`pinsing.kinematics.inverse`); that is a
     witness. With fewer joints than a pose has conditions regular means that the rank is the number
     of joints; the tip must then be able to leave in the same directions from both ends. Where a
     pose has more regular solutions than there are aspects, two must share one; that is a reason

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from pinsing.arguments import checked
 from pinsing.errors import OptionError, RobotFileError
+from pinsing.interface import checked
 from pinsing.measures import SEED, Array
 from pinsing.proximity.trajectory_file import (
     ANGLES as TURNS,

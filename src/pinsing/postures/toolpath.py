@@ -23,22 +23,20 @@ import pinocchio as pin
 
 from pinsing._batch import engine
 from pinsing.algebra.conditions import SearchOptions, two_sided
-from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
+from pinsing.interface import JsonResult, checked
 from pinsing.kinematics.inverse import InverseMany
 from pinsing.kinematics.jacobian import tip_placement, tip_poses
 from pinsing.kinematics.ladder import posture_names
 from pinsing.kinematics.tip_speed import limits_of
 from pinsing.measures import PRACTICAL, ROUNDING, Array, ArrayLike, Bool, Ints
-from pinsing.notebook import one_line
 from pinsing.postures.placement import TRIED, WorkpiecePlacement, check_ranges, place_at, search
-from pinsing.prose import listed
+from pinsing.prose import listed, one_line
 from pinsing.proximity.clearance import CLOSE, certified, clearance, quick, titled, watch
 from pinsing.proximity.crossings import BISECTED, crossings, least_along
 from pinsing.proximity.zones import Region
 from pinsing.robot.arm import Arm, ArmSummary, summarize
-from pinsing.serialization import JsonResult
 
 STEP = np.radians(1.0)
 """Default distance of two values of what is free, radians."""

@@ -28,8 +28,13 @@ from pinsing.algebra.conditions import (
     nearest_points,
     two_sided,
 )
-from pinsing.arguments import (
+from pinsing.errors import ConfigurationError, OptionError, ResultError
+from pinsing.families import Branch, ClosedForm, Family
+from pinsing.families.family import asked_for
+from pinsing.families.solve import closed_form, form_to_measure
+from pinsing.interface import (
     MAX_SEED,
+    JsonResult,
     checked,
     columns_of,
     real_numbers,
@@ -37,16 +42,11 @@ from pinsing.arguments import (
     typed,
     whole_number,
 )
-from pinsing.errors import ConfigurationError, OptionError, ResultError
-from pinsing.families import Branch, ClosedForm, Family
-from pinsing.families.family import asked_for
-from pinsing.families.solve import closed_form, form_to_measure
 from pinsing.kinematics.jacobian import ratios, regular_radius
 from pinsing.measures import ALIKE, NEAR_RTOL, ROUNDING, Array, ArrayLike, Bool, Ints, NDArray
 from pinsing.prose import listed
 from pinsing.robot.arm import Arm, ArmSummary, JointSpace, require_values, summarize
 from pinsing.robot.nominal import chain_differs, placements_of
-from pinsing.serialization import JsonResult
 
 Forms: TypeAlias = ClosedForm | Sequence[ClosedForm]
 """A closed form; or several of the same arm, such as those of two tasks."""

@@ -26,14 +26,13 @@ from pinsing.algebra.conditions import (
     zeros_along,
 )
 from pinsing.algebra.equation import Equation
-from pinsing.arguments import checked, real_numbers
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch, JointValue
+from pinsing.interface import JsonResult, checked, real_numbers
 from pinsing.kinematics.jacobian import generic_rank, task_jacobians
 from pinsing.measures import PRACTICAL, ROUNDING, Array, ArrayLike, Bool, Ints
 from pinsing.proximity.clearance import CLOSE, Forms, Watched, nearest_family, watch
 from pinsing.robot.arm import Arm
-from pinsing.serialization import JsonResult
 
 _MOST_DEGREE = 15
 # Beyond it a float says nothing of an angle that is worth a check, and speeds overflow.

@@ -17,9 +17,9 @@ from pinsing._version import __version__
 from pinsing.algebra import trig_sum
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.trig_sum import COMBINED
-from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.families import Family, closed_form
+from pinsing.interface import checked
 from pinsing.kinematics.jacobian import fingerprint
 from pinsing.measures import ROUNDING, Array, NDArray
 from pinsing.prose import visible

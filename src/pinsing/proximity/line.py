@@ -9,10 +9,10 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
-from pinsing.arguments import checked, typed
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch
 from pinsing.families.solve import form_to_measure
+from pinsing.interface import JsonResult, checked, typed
 from pinsing.kinematics.jacobian import (
     SINGULAR_RTOL,
     ratios,
@@ -28,7 +28,6 @@ from pinsing.proximity.clearance import Forms, Watched, metric_note, require_for
 from pinsing.proximity.crossings import Approach, Crossing, NearStretch, Passage, runs
 from pinsing.proximity.trajectory import NEAR, OUTSIDE, angle_text, singularity
 from pinsing.robot.arm import Arm, ArmSummary, summarize
-from pinsing.serialization import JsonResult
 
 _LONGEST, _FIRST, _SHORTEST = 0.02, 1e-3, 1e-10
 

@@ -20,14 +20,14 @@ import numpy as np
 
 from pinsing._batch import engine
 from pinsing.algebra.conditions import contact_along, two_sided
-from pinsing.arguments import checked, columns_of, real_numbers
 from pinsing.atomic_write import MEBIBYTE
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
+from pinsing.interface import JsonResult, checked, columns_of, encode, real_numbers
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.tip_speed import TURN_SPEED, SpeedJudge, TipSpeeds, limits_of, speed_judge
 from pinsing.measures import ROUNDING, Array, ArrayLike
-from pinsing.notebook import one_line
+from pinsing.prose import one_line
 from pinsing.proximity.clearance import (
     NAMING,
     Forms,
@@ -50,7 +50,6 @@ from pinsing.proximity.trajectory_file import (
 )
 from pinsing.proximity.zones import Zones, zone_distances
 from pinsing.robot.arm import Arm, WholeModel
-from pinsing.serialization import JsonResult, encode
 
 CLEAR, WARN, STOP = LEVELS = ("clear", "warn", "stop")
 

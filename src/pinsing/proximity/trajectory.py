@@ -9,14 +9,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing.arguments import checked, columns_of, typed
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.solve import form_to_measure
+from pinsing.interface import JsonResult, checked, columns_of, typed
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge, check_speeds
 from pinsing.measures import ROUNDING, Array, ArrayLike, Bool
-from pinsing.notebook import one_line
-from pinsing.prose import LISTED, listed
+from pinsing.prose import LISTED, listed, one_line
 from pinsing.proximity.clearance import Forms, metric_note, titled, watch
 from pinsing.proximity.crossings import (
     Approach,
@@ -28,7 +27,6 @@ from pinsing.proximity.crossings import (
     runs,
 )
 from pinsing.robot.arm import Arm, ArmSummary, summarize
-from pinsing.serialization import JsonResult
 
 OUTSIDE = {
     "": "",

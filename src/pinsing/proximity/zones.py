@@ -34,9 +34,9 @@ import numpy as np
 from pinsing._batch import engine
 from pinsing.algebra.conditions import BOXES as NEAREST, SearchOptions, nearest_points, two_sided
 from pinsing.algebra.trig_sum import TINY, off_values
-from pinsing.arguments import checked
 from pinsing.errors import EngineError, OptionError
 from pinsing.families import ClosedForm, Family
+from pinsing.interface import JsonResult, checked
 from pinsing.kinematics.jacobian import (
     frame_jacobians,
     random_turns,
@@ -47,13 +47,11 @@ from pinsing.kinematics.jacobian import (
 from pinsing.kinematics.ladder import posture_names
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge, speed_judge
 from pinsing.measures import NOISE, ROUNDING, Array, ArrayLike, Bool, Ints
-from pinsing.notebook import one_line
-from pinsing.prose import listed
+from pinsing.prose import listed, one_line
 from pinsing.proximity.clearance import Watched, metric_note, titled, watch
 from pinsing.proximity.trajectory import angle_text
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.nominal import chain_differs, flatten, placements_of
-from pinsing.serialization import JsonResult
 
 if TYPE_CHECKING:
     from scipy.spatial import KDTree

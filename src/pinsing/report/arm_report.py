@@ -14,13 +14,13 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from pinsing.algebra.equation import latex_symbol
-from pinsing.arguments import checked, typed
 from pinsing.atomic_write import check_writable, write_bytes, write_text
 from pinsing.errors import OptionError, OutputError, PinsingError
 from pinsing.families import ClosedForm, Family, closed_form
 from pinsing.families.certificate import text_of
 from pinsing.families.describe import ORDER, missing_everywhere, telling_poses
 from pinsing.families.form import PLACE, coverage_words
+from pinsing.interface import JsonResult, checked, typed
 from pinsing.kinematics.at import SINGULAR, State, at
 from pinsing.kinematics.jacobian import SINGULAR_RTOL, engine_name, generic_rank, ratios
 from pinsing.measures import ROUNDING, Array, ArrayLike, Bool, Reachability
@@ -70,7 +70,6 @@ from pinsing.robot.nominal import (
     nominal,
 )
 from pinsing.robot.second_reader import SecondReading
-from pinsing.serialization import JsonResult
 
 _SECONDS = 2.0
 """Time for the closed form; where it needs more, the command that takes it is named."""

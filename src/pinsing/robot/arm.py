@@ -24,7 +24,6 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._package import Advised
-from pinsing.arguments import checked, columns_of, real_numbers
 from pinsing.description.catalog import CatalogEntry, known_arms, locate_robot, urdf_folder
 from pinsing.description.ros_packages import Shapes
 from pinsing.description.urdf import Description, parse_description, read_description
@@ -37,8 +36,9 @@ from pinsing.errors import (
     RobotFileError,
     UnknownNameError,
 )
+from pinsing.interface import checked, columns_of, real_numbers
 from pinsing.measures import ALIKE, ROUNDING, Array, ArrayLike, Bool
-from pinsing.notebook import one_line, text as notebook_text
+from pinsing.prose import html_text, one_line
 from pinsing.robot.models import Coupling as Coupling, frame_index, way_between
 from pinsing.robot.task import Task, parse_task
 
@@ -406,7 +406,7 @@ def given_model(robot: Any) -> pin.Model | None:
         return None
     model = robot if isinstance(robot, pin.Model) else getattr(robot, "model", None)
     if not isinstance(model, pin.Model) or isinstance(robot, type):
-        from pinsing.arguments import shown
+        from pinsing.interface import shown
 
         raise ArgumentError("robot", _EXPECTED, shown(robot), 'pinsing.load("ur5") loads one')
     PinsingError.refuse_if(
@@ -432,7 +432,7 @@ def given_file(
         description = parse_description(robot, packages)
         return GivenFile(description, "URDF text", None, None)
     if isinstance(robot, str) and not robot.strip():
-        from pinsing.arguments import shown
+        from pinsing.interface import shown
 
         raise ArgumentError("robot", _EXPECTED, shown(robot), 'pinsing.load("ur5") loads one')
     found = locate_robot(robot if isinstance(robot, str) else Path(robot))
@@ -1021,7 +1021,7 @@ class Arm(Advised, Memory):
         )
 
     def _repr_html_(self) -> str:
-        return notebook_text(str(self), block=True)
+        return html_text(str(self), block=True)
 
 
 @dataclass(frozen=True, eq=False)

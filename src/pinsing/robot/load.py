@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import pinocchio as pin
 
-from pinsing.arguments import checked
 from pinsing.errors import ChainError, JointError, UnknownNameError
+from pinsing.interface import checked
 from pinsing.robot.arm import Arm, HasModel, Source, given_file, given_model, named
 from pinsing.robot.models import (
     Follow,

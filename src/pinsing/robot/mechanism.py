@@ -27,13 +27,13 @@ from typing import Any, ClassVar
 import numpy as np
 import pinocchio as pin
 
-from pinsing.arguments import checked, columns_of, real_numbers
 from pinsing.description.urdf import NO_LIMITS
 from pinsing.description.xml_tree import suggestion
 from pinsing.description.yaml_tree import YamlNode, compose
 from pinsing.errors import JointError, OptionError, PinsingError
+from pinsing.interface import checked, columns_of, real_numbers
 from pinsing.measures import ALIKE, ROUNDING, Array, ArrayLike, Bool
-from pinsing.notebook import one_line
+from pinsing.prose import one_line
 from pinsing.robot.arm import (
     HasModel,
     JointSpace,

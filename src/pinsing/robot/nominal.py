@@ -28,10 +28,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinsing.arguments import checked
 from pinsing.errors import OptionError
+from pinsing.interface import checked
 from pinsing.measures import FLOAT_NOISE, ROUNDING, SEED, Array, Chain
-from pinsing.notebook import one_line
+from pinsing.prose import one_line
 from pinsing.robot.arm import Arm
 from pinsing.robot.models import add_joint, axis_rotation, joint_axis
 from pinsing.robot.surd import Exact, Surd, cosine, residue, sine

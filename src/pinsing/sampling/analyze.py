@@ -12,10 +12,10 @@ from typing import ClassVar
 import numpy as np
 
 from pinsing.algebra.budget import Stages
-from pinsing.arguments import MAX_SEED, MAX_STARTS, checked, whole_number
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, Family, closed_form
 from pinsing.families.form import answer_text, families_text
+from pinsing.interface import MAX_SEED, MAX_STARTS, JsonResult, checked, whole_number
 from pinsing.kinematics.jacobian import NEAR_RTOL, SINGULAR_RTOL, measure, ratios
 from pinsing.kinematics.refine import (
     SingularConfiguration,
@@ -25,8 +25,8 @@ from pinsing.kinematics.refine import (
     walk,
 )
 from pinsing.measures import ALIKE, PRACTICAL, Array, ArrayLike, Bool, NDArray, Reachability
-from pinsing.notebook import text, verdict
-from pinsing.prose import PLAIN, Page, Span, alarm, caution, unbroken
+from pinsing.notebook import verdict
+from pinsing.prose import PLAIN, Page, Span, alarm, caution, html_text as text, unbroken
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.nominal import ANGLE_TOL, nominal, nominal as nominal_geometry
 from pinsing.sampling.generalize import (
@@ -46,7 +46,6 @@ from pinsing.sampling.sweeps import (
     sweep,
 )
 from pinsing.sampling.tally import BLOCK
-from pinsing.serialization import JsonResult
 
 _SAME_RELATION = 1e-2  # the same beside a relation: near it, a raw geometry blurs the values
 _CANDIDATES = 12  # configurations looked at for a representative

@@ -16,8 +16,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.errors import ConfigurationError, OptionError
+from pinsing.interface import MAX_SEED, JsonResult, Written, checked, whole_number
 from pinsing.kinematics.jacobian import SINGULAR_RTOL, Status, own_scale, ratios
 from pinsing.kinematics.refine import SingularConfiguration, approach
 from pinsing.measures import Array, ArrayLike, Bool, Reachability
@@ -25,7 +25,6 @@ from pinsing.prose import Span, listed, unbroken, verdict
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import nominal
 from pinsing.sampling.tally import BLOCK
-from pinsing.serialization import JsonResult, Written
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,10 @@ import numpy as np
 
 from pinsing._batch import engine as kernel
 from pinsing.algebra.conditions import Conditions, two_sided
-from pinsing.arguments import checked, typed
 from pinsing.chunk_file import Record
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.families.solve import form_to_measure
+from pinsing.interface import JsonResult, checked, typed
 from pinsing.kinematics.jacobian import (
     PINOCCHIO,
     Batch,
@@ -52,7 +52,6 @@ from pinsing.sampling.tally import (
     finite,
     worst_points,
 )
-from pinsing.serialization import JsonResult
 
 Words = NDArray[np.uint64]
 

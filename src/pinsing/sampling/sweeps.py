@@ -24,10 +24,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pinsing.arguments import MAX_SEED, checked, typed, whole_number
 from pinsing.atomic_write import MEBIBYTE, write_bytes
 from pinsing.chunk_file import DamagedError, Record, read_arrays, read_bounded
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
+from pinsing.interface import MAX_SEED, JsonResult, checked, typed, whole_number
 from pinsing.kinematics.jacobian import (
     NEAR_RTOL,
     SINGULAR_RTOL,
@@ -75,7 +75,6 @@ from pinsing.sampling.tally import (
     minima,
     worst_points,
 )
-from pinsing.serialization import JsonResult
 
 SPECIAL_ANGLES = (0.0, math.pi / 2, -math.pi / 2, math.pi, -math.pi)
 """Special values of revolute joints, radians (paper, Section 3.2)."""

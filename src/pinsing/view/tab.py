@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinsing.arguments import checked
 from pinsing.atomic_write import write_text
 from pinsing.errors import OptionError, UnknownNameError
+from pinsing.interface import checked
 from pinsing.measures import Array
 from pinsing.robot.arm import Arm
 from pinsing.robot.mechanism import Mechanism

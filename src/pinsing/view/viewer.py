@@ -16,12 +16,12 @@ import pinocchio as pin
 
 from pinsing.algebra.conditions import weighted_sum
 from pinsing.algebra.equation import Equation
-from pinsing.arguments import checked, shown
 from pinsing.errors import ArgumentError, OptionError
 from pinsing.families import Branch, Family, JointValue, joint_symbols
 from pinsing.families.describe import telling_poses
 from pinsing.families.form import coverage_words
 from pinsing.families.tube import Tube
+from pinsing.interface import checked, shown
 from pinsing.kinematics.at import never_produced
 from pinsing.kinematics.jacobian import (
     NEAR_RTOL,
