@@ -87,16 +87,6 @@ def test_a_script_with_pink():
     assert state.lost
 
 
-@pytest.mark.parametrize("name", [None, 3, 2.5, b"ur5", "", " \n", [], {}, object(), np.zeros(6)])
-def test_what_is_no_robot(name):
-    with pytest.raises(ArgumentError, match=r'^robot must be .*pinsing\.load\("ur5"\)') as caught:
-        pinsing.load(name)
-    assert isinstance(caught.value, TypeError)
-    assert caught.value.argument == "robot"
-    with pytest.raises(ArgumentError):
-        pinsing.load_mechanism(name)
-
-
 TEXT = robot()
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Decomposition
-from pinsing.algebra.generic_points import Residues, rank_over, slice_points
+from pinsing.algebra.generic_points import Residues, slice_points
 from pinsing.algebra.ring import make_ring
 
 
@@ -61,24 +61,6 @@ def test_special_points(ring):
     assert points(p, g, ring=ring) == []
     found = points(x1 - 2 * y1, x2 * y3 - x3 * y2, ring=ring)  # never both in (q2, q3) alone
     assert degrees(found) == 2  # (q1, q2) and (q1, q3)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_rank_over_a_field(seed):
-    import flint
-
-    field = flint.fq_default_ctx(10007, 2)
-    rng = np.random.default_rng(seed)
-    a, b = rng.integers(1, 10007, (5, 3)), rng.integers(1, 10007, (3, 6))
-    rows = [[field([int(x), int(x) % 5]) for x in row] for row in a]
-    columns = [[field(int(x)) for x in row] for row in b]
-    product = [
-        [sum((x * columns[k][j] for k, x in enumerate(row)), field.zero()) for j in range(6)]
-        for row in rows
-    ]
-    assert rank_over(product) == 3
-    assert rank_over([[field.zero()] * 3] * 2) == 0
-    assert rank_over([]) == 0
 
 
 @pytest.mark.parametrize("said", [1, 3])

@@ -37,19 +37,6 @@ def test_meshes_are_found(package):
     assert [shape.meshPath for shape in shapes.geometryObjects] == [str(absolute)] * 4
 
 
-def test_missing_meshes_never_stop_anything(package):
-    file = package / "urdf" / "arm.urdf"
-    names = ["package://nowhere/a.stl", "b.stl", "package://arm_description/meshes/a.stl"]
-    file.write_text(mesh_robot(*names))
-    found = read_description(file)
-    assert found.missing_meshes == ("package://nowhere/a.stl", "b.stl")
-    assert len(found.notes) == 1
-    assert "2 of 3 mesh files not found and not drawn" in found.notes[0]
-    assert "package 'nowhere' not found" in found.notes[0]
-    shapes = pin.buildGeomFromUrdfString(build_model(found), found.xml, pin.VISUAL)
-    assert len(shapes.geometryObjects) == 1
-
-
 def test_packages_given(package, tmp_path, monkeypatch):
     """Those of the environment are tried with xacro files."""
     file = tmp_path / "elsewhere" / "arm.urdf"

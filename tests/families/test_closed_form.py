@@ -25,7 +25,6 @@ from pinsing.families.family import latex_lines
 from pinsing.families.solve import STEPS
 
 ZERO = (0.0, np.pi)
-SIDE = (-RIGHT, RIGHT)
 PI, R = np.pi, RIGHT
 Values = dict[int, tuple[float, ...]]
 
@@ -93,27 +92,6 @@ def test_known_forms(name: str) -> None:
         q = np.random.default_rng(1).uniform(-3, 3, (50, len(form.symbols)))
         both = np.stack([family.equations[0](q), equation(q)])
         assert np.linalg.matrix_rank(both, tol=1e-9) == 1
-
-
-def test_surgical7() -> None:
-    form = closed("surgical7")
-    q6 = np.arcsin(-0.2)
-    (relation,) = by_values(
-        form, {4: ZERO}, {2: ZERO, 3: ZERO}, {5: SIDE, 6: (q6, -np.pi - q6 + 2 * np.pi - 2 * np.pi)}
-    )
-    assert {v for b in relation.values for v in b.values()} == {0.0, np.pi}
-    assert {b.involved for b in relation.branches} == {(1, 3, 4, 5)}
-    rng = np.random.default_rng(2)
-    q = rng.uniform(-3, 3, (60, 7))
-    q[:, 1], q[:, 4] = rng.choice(ZERO, 60), rng.choice(SIDE, 60)
-    q[:, 3] = rng.choice([-np.pi / 6, -5 * np.pi / 6], 60)
-    assert relation.contains(q).all()
-    # What the paper found is singular, but none of it is a family of its own.
-    for zero, side in (([1, 2, 3], []), ([1, 2], [4]), ([3, 4], [])):
-        q = rng.uniform(-3, 3, (20, 7))
-        q[:, zero] = 0.0
-        q[:, side] = RIGHT
-        assert all(form.family_of(x) is not None for x in q)
 
 
 def test_steps_are_named_as_in_the_documentation() -> None:

@@ -6,7 +6,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from arms import place, serial
-from scipy.optimize import minimize
 from singular_sets import RIGHT, ROBOTS, Array, Joint, arm_of, build, closed
 from tiers import tiered, tiered_rows
 
@@ -23,95 +22,6 @@ def offset(family: Family, a: Array, b: Array) -> Array:
     d = a - b
     wrapped = d - 2 * np.pi * np.round(d / (2 * np.pi))
     return np.where(family.prismatic, d / family.length_scale, wrapped)
-
-
-def by_scipy(family: Family, q: Array, rng: np.random.Generator) -> float:
-    """Shortest distance by a general constrained minimiser, the best of many starts."""
-    best = np.inf
-    for branch in family.branches:
-        target = q.copy()
-        for v in branch.values:
-            target[v.joint] = v.value
-        off = float(np.linalg.norm(offset(family, q, target)))
-        best = min(best, *(nearest_by_scipy(branch, q, target, off, rng) for _ in range(12)))
-    return best
-
-
-def nearest_by_scipy(branch, q, target, off, rng):
-    """Distance from q to where one start ends; infinite if that is not on the branch."""
-    free = sorted({j for e in branch.equations for j in e.involved})
-
-    def full(x: Array) -> Array:
-        out = target.copy()
-        out[free] = x
-        return out
-
-    result = minimize(
-        lambda x: float(np.sum((x - q[free]) ** 2)),
-        q[free] + rng.normal(size=len(free)),
-        jac=lambda x: 2 * (x - q[free]),
-        constraints=[
-            {
-                "type": "eq",
-                "fun": lambda x, e=e: float(e(full(x))),
-                "jac": lambda x, e=e: e.gradient(full(x))[free],
-            }
-            for e in branch.equations
-        ],
-        method="SLSQP",
-        options={"maxiter": 300, "ftol": 1e-15},
-    )
-    missed = max(abs(float(e(full(result.x)))) for e in branch.equations)
-    return float(np.hypot(np.sqrt(result.fun), off)) if missed < 1e-9 else np.inf
-
-
-@pytest.mark.parametrize(("name", "index"), tiered_rows(EQUATIONS, EQUATIONS[:1] + EQUATIONS[2:3]))
-def test_distance_agrees_with_a_minimiser(name: str, index: int) -> None:
-    family = closed(name).families[index]
-    assert family.equations
-    rng = np.random.default_rng(11)
-    for _ in range(4):
-        q = rng.uniform(-3, 3, family.n)
-        found = family.distance(q)
-        assert not found.exact
-        assert found.value == pytest.approx(by_scipy(family, q, rng), abs=1e-6)
-
-
-@pytest.mark.parametrize(
-    "name",
-    tiered(["stanford", "iiwa14", "pr2", "surgical7", "xarm7", "so101"], {"stanford"}),
-)
-def test_nearest_configuration_is_on_the_family(name: str) -> None:
-    rng = np.random.default_rng(12)
-    for family in closed(name).families:
-        assert family.distance(family.points(1, rng)[0]).value < 1e-9
-        for _ in range(5):
-            q = rng.uniform(-3, 3, family.n)
-            found = family.distance(q)
-            assert family.contains(found.q, 1e-7)
-            assert np.linalg.norm(offset(family, q, found.q)) == pytest.approx(found.value)
-            # No point of the family that a sample knows is nearer.
-            others = offset(family, family.points(40, rng), q)
-            assert found.value <= np.linalg.norm(others, axis=1).min() + 1e-9
-
-
-@pytest.mark.parametrize(
-    "name", tiered(["stanford", "iiwa14", "icub_left", "talos_arm"], ("stanford", "talos_arm"))
-)
-def test_distance_to_joint_values_is_exact(name: str) -> None:
-    rng = np.random.default_rng(13)
-    for family in closed(name).families:
-        if family.equations:
-            continue
-        q = rng.uniform(-3, 3, family.n)
-        found = family.distance(q)
-        assert found.exact
-        best = np.inf
-        for values in family.values:
-            target = q.copy()
-            target[list(values)] = list(values.values())
-            best = min(best, np.linalg.norm(offset(family, q, target)))
-        assert found.value == pytest.approx(best, abs=1e-12)
 
 
 @pytest.mark.parametrize(("name", "index"), tiered_rows(EQUATIONS, EQUATIONS[:3]))
@@ -149,17 +59,6 @@ def test_tolerance_of_contains_is_a_distance(name: str) -> None:
         inside = np.array([bool(family.contains(q, 1e-3)) for q in moved])
         clear = np.abs(gaps - 1e-3) > 1e-4
         np.testing.assert_array_equal(inside[clear], (gaps < 1e-3)[clear])
-
-
-@pytest.mark.parametrize("bad", [[0.0] * 5, 0.0, [np.nan] * 6, [[np.inf] * 6]])
-def test_bad_configurations_are_refused(bad: object) -> None:
-    family = closed("ur5").families[2]
-    with pytest.raises(ConfigurationError):
-        family.contains(bad)
-    with pytest.raises(ConfigurationError):
-        family.distance(bad)
-    with pytest.raises(ConfigurationError, match="one configuration"):
-        family.distance(np.zeros((2, 6)))
 
 
 def elbow(low: float, high: float) -> ClosedForm:

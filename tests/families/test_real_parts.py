@@ -6,7 +6,6 @@ import sys
 import numpy as np
 import pytest
 from singular_sets import Joint, build, iiwa_with_offset
-from tiers import tiered
 
 from pinsing.algebra.budget import Budget, Stages
 from pinsing.algebra.real_roots import (
@@ -20,9 +19,7 @@ from pinsing.algebra.ring import make_ring, ring_of
 from pinsing.families import closed_form
 from pinsing.families.form import families_text
 from pinsing.kinematics.jacobian import ratios
-from pinsing.plot.curves import singular_values_of
 from pinsing.robot.load import load
-from pinsing.robot.nominal import nominal
 from pinsing.robot.surd import cosine
 from pinsing.sampling.analyze import analysis_text, analyze
 from pinsing.sampling.sweeps import sweep
@@ -210,31 +207,3 @@ def test_ctrl_c_keeps_the_closed_forms(monkeypatch):
 
     assert (stages.run("first", stage, 7), stages.run("second", lambda: 1, 0)) == (7, 0)
     assert stages.missing == ["first: stopped before its end", "second: not begun, stopped"]
-
-
-@pytest.mark.parametrize("name", tiered(["ur5", "puma560"], {"puma560"}))
-def test_a_curve_is_marked_at_every_true_zero(name):
-    arm = load(name)
-    form = closed_form(arm)
-    result = sweep(arm, levels=1)
-    exact = nominal(arm).arm
-    met = 0
-    for curve in result.curves:
-        if curve.sigma_ratio.max() < 1e-9:  # singular all along
-            continue
-        marks = singular_values_of(curve, result, arm)
-        line = np.repeat(result.plan.nominal[None], 2000, axis=0)
-        line[:, curve.moving] = np.linspace(curve.x[0], curve.x[-1], 2000)
-        for joint, value in curve.fixed.items():
-            line[:, arm.joints.index(joint)] = value
-        at = np.repeat(line[:1], len(marks), axis=0)
-        at[:, curve.moving] = marks
-        assert (ratios(exact, at) <= 1e-8).all()
-        for family in form.families:
-            for e in family.equations:
-                value = e(line)
-                crossed = np.flatnonzero(value[1:] * value[:-1] < 0)
-                for x in line[crossed, curve.moving]:
-                    assert np.abs(marks - x).min(initial=9.0) < 0.01, (curve.moving, x)
-                    met += 1
-    assert met

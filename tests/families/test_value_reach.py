@@ -1,19 +1,16 @@
 """Of values that the limits do not allow nobody says that the family is within them."""
 
 import math
-import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from singular_sets import arm_of, closed
 
 import pinsing
 from pinsing.families import Branch, Family, JointValue
 from pinsing.families.family import reach_words, values_reached
 from pinsing.measures import Reachability
-from pinsing.proximity.clearance import distance_words, distances
 
 SCARA = """
 name: short_elbow
@@ -51,20 +48,6 @@ def test_the_value_inside_is_named(elbow: Family) -> None:
         (1, 0.0, Reachability.INSIDE),
         (1, pytest.approx(math.pi), Reachability.OUTSIDE),
     ]
-
-
-def test_where_all_values_are_inside_nothing_is_added() -> None:
-    for family in closed("ur5").families:
-        assert family.reach == "within the joint limits"
-    found = distances(closed("ur5"), np.full(6, 0.3))
-    assert all(d.reachability == "within the joint limits" for d in found.families)
-    lines = distance_words(found, True, arm_of("ur5").space)
-    assert len(lines) == 3
-    assert any("by wrist_2_joint -17.19°" in line for line in lines)
-    assert not any(re.search(r"\bq\d", line) for line in lines)
-    slides = distances(closed("stanford"), [0.1, 0.2, 0.1, 0.4, 0.5, 0.6])
-    lines = distance_words(slides, True, arm_of("stanford").space)
-    assert lines[0] == "F2: 0.1 m, by d3 -0.1 m; the family is within the joint limits"
 
 
 def within(values, low, high, slides=False, met=lambda b: True, equations=()):

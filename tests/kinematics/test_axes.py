@@ -108,16 +108,6 @@ def test_reasons_of_the_iiwa():
         assert dependent_axes(exact("iiwa14"), regular) is None
 
 
-@pytest.mark.parametrize("name", ["puma560", "stanford", "ur5", "iiwa14", "scara", "planar3r"])
-def test_none_where_regular(name):
-    arm = exact(name)
-    rng = np.random.default_rng(3)
-    low, high = arm.span
-    for q in rng.uniform(low, high, (5, arm.n)):
-        assert dependent_axes(arm, q) is None
-        assert axis_dependences(arm, q) == ()
-
-
 @pytest.mark.parametrize(
     ("name", "q"),
     [

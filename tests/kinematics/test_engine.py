@@ -41,17 +41,6 @@ def test_engines_agree(name, options):
 
 
 @needs_kernel
-def test_results_do_not_depend_on_threads_or_chunks():
-    arm = load("ur5")
-    Q = configurations(arm, 5000)
-    whole = kinematics.singular_values(arm, Q, threads=1)
-    np.testing.assert_array_equal(whole, kinematics.singular_values(arm, Q, threads=2))
-    parts = [kinematics.singular_values(arm, part) for part in np.array_split(Q, 7)]
-    np.testing.assert_array_equal(whole, np.concatenate(parts))
-    np.testing.assert_array_equal(whole[:1], kinematics.singular_values(arm, Q[:1]))
-
-
-@needs_kernel
 def test_a_kernel_that_differs_is_refused(monkeypatch):
     arm = load("ur5")
     honest = kernel.jacobians

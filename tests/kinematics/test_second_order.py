@@ -59,17 +59,6 @@ def test_textbook_arms(name, q, kind):
     assert kind_at(arms.textbook(name), q) == kind
 
 
-def test_elbow_and_shoulder():
-    puma, irb = arms.textbook("puma560"), arms.textbook("irb1400")
-    elbow = refine(puma, [0.3, 0.4, -1.5, 0.7, 0.9, 0.9], fixed=["q2", "q5"])
-    assert elbow.singular
-    assert elbow.kind == "boundary"
-    # The wrist centre on axis 1, moved there by the upper arm alone.
-    shoulder = refine(irb, [0.3, -0.6, -0.9, 0.7, 0.9, 0.9], fixed=["q3", "q5"], ignore_limits=True)
-    assert shoulder.singular
-    assert shoulder.kind == "interior"
-
-
 @pytest.mark.parametrize("name", ["puma560", "iiwa14", "scara", "planar3r", "stanford"])
 def test_null_spaces(name, rng):
     """Lost directions and self-motions are orthonormal, and are what they are called."""

@@ -63,21 +63,6 @@ def test_mobility_of_the_shelf(name):
     assert np.abs(residual(mechanism, home(mechanism))).max() < 1e-11
 
 
-@pytest.mark.parametrize("name", ["gough_stewart", "delta", "agile_eye", "planar_3rrr"])
-def test_batches_equal_pinocchio(name, rng):
-    mechanism = shipped(name)
-    one, many = Loops(mechanism), BatchLoops(mechanism)
-    Q = mechanism.space.sample(20, rng)
-    errors, jacobians = many.closure(Q)
-    _, _, outputs = many.output(Q)
-    for q, e, J, out in zip(Q, errors, jacobians, outputs, strict=True):
-        error, G = one.scaled(q)
-        sign = 1 if np.abs(error - e).max() < np.abs(error + e).max() else -1
-        np.testing.assert_allclose(error, sign * e, atol=1e-12)
-        np.testing.assert_allclose(G, sign * J, atol=1e-12)
-        np.testing.assert_allclose(one.output_scaled(q), out[list(mechanism.task.rows)], atol=1e-12)
-
-
 def test_a_batch_closes_a_weld_as_pinocchio_does(rng):
     mechanism = shipped("bennett")
     _, jacobians = BatchLoops(mechanism).closure(home(mechanism)[None])

@@ -148,18 +148,6 @@ def test_a_planar_arm_stretches_to_its_end() -> None:
     assert np.linalg.norm(start) + line.s_end == pytest.approx(longest, abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("pose", "error"),
-    [
-        ([0.1, 0.2], ConfigurationError), ([np.nan, 0, 0], ConfigurationError),
-        (2 * np.eye(4), ConfigurationError), (np.zeros((2, 2)), ConfigurationError),
-    ],
-)  # fmt: skip
-def test_bad_poses(pose: object, error: type[Exception]) -> None:
-    with pytest.raises(error):
-        check_line(arm_of("ur5"), np.full(6, 0.5), pose, forms=closed("ur5"))
-
-
 def test_other_bad_input() -> None:
     arm, form = arm_of("ur5"), closed("ur5")
     q = np.array([0.1, -1.2, 1.3, -1.6, -1.4, 0.3])

@@ -124,20 +124,6 @@ def test_folders_that_cannot_be_used(tmp_path: Path) -> None:
     assert len(list(full.iterdir())) == 1
 
 
-def test_another_run_is_refused(tmp_path: Path) -> None:
-    robot = IDENTITY | {"robot": "a", "size": 3}
-    with open_run(tmp_path, robot, 3) as folder:
-        folder.save(0, RECORD)
-    with pytest.raises(OutputError, match="size is 3 there and 4 here"):
-        open_run(tmp_path, robot | {"size": 4}, 3).__enter__()
-    with pytest.raises(OutputError, match="the robot's geometry, task or length scale has changed"):
-        open_run(tmp_path, robot | {"robot": "b"}, 3).__enter__()
-    with pytest.raises(OutputError, match="x is null there and 1 here"):
-        open_run(tmp_path, robot | {"x": 1}, 3).__enter__()
-    with open_run(tmp_path, robot, 3) as folder:
-        assert folder.kept() == (0,)
-
-
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"schema": "pinsing/run/1"}', '"x"', "\ud800"])
 def test_a_damaged_plan_is_refused(tmp_path: Path, text: str) -> None:
     with open_run(tmp_path, IDENTITY, 3):

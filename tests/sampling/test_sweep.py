@@ -118,21 +118,6 @@ def test_counts_without_pruning():
     assert f"{plan.n_jacobians:,} Jacobians" in str(plan)
 
 
-def test_curves_are_sigma_min_along_the_joint(stanford, rng):
-    arm = arms.textbook("stanford")
-    for curve in rng.choice(np.array(stanford.curves, dtype=object), 8, replace=False):
-        Q = np.repeat(stanford.plan.nominal[None], 181, axis=0)
-        for name, value in curve.fixed.items():
-            Q[:, arm.joints.index(name)] = value
-        Q[:, curve.moving] = curve.x
-        sigma = singular_values(arm, Q)
-        np.testing.assert_array_equal(curve.sigma_min, sigma[:, -1])
-        np.testing.assert_allclose(curve.sigma_ratio, sigma[:, -1] / sigma[:, 0], rtol=1e-15)
-        assert curve.level == len(curve.fixed)
-        low, high = arm.span[0][curve.moving], arm.span[1][curve.moving]
-        assert (curve.x[0], curve.x[-1]) == (low, high)
-
-
 def test_curve_look_up(stanford):
     """The paper's Figures 2 to 4: level 0 for q1 and q6; q2 = -pi is q2 = pi."""
     flat = stanford.curve({}, "q6")

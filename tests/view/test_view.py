@@ -3,11 +3,9 @@
 import html
 import os
 import re
-import signal
 import socket
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -59,18 +57,6 @@ def test_pure_ellipsoids_collapse_along_the_wrench_that_needs_no_torque() -> Non
     # Those of all motions stay round there: nothing would be seen in them.
     for rows in (J[:3], J[3:]):
         assert velocity_ellipsoid(rows).radii[2] > 1e-5
-
-
-def test_pure_ellipsoid_bounds_the_motions_that_leave_the_rest_alone(rng):
-    arm = textbook("iiwa14")
-    J = frame_jacobian(arm, rng.uniform(*arm.span))
-    ellipsoid = pure_ellipsoids(J)[0]
-    null = np.linalg.svd(J[3:])[2][3:].T
-    speeds = rng.normal(size=(500, null.shape[1]))
-    v = (J[:3] @ null @ (speeds / np.linalg.norm(speeds, axis=1, keepdims=True)).T).T
-    inside = ((v @ ellipsoid.axes) / ellipsoid.radii) ** 2
-    assert (inside.sum(axis=1) <= 1 + 1e-9).all()
-    assert inside.sum(axis=1).max() > 0.9
 
 
 def test_sizes_of_what_is_drawn():
@@ -327,47 +313,9 @@ def test_a_notebook_gets_the_page_itself() -> None:
     assert viewer._server is None
 
 
-_RUN = "import sys; from pinsing.cli.show import view_command; view_command(sys.argv[1:])"
-
-
-def start(*words: str) -> tuple[subprocess.Popen[str], str]:
-    process = subprocess.Popen(
-        [sys.executable, "-c", _RUN, *words],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    return process, process.stdout.readline().strip()
-
-
 def is_free(url: str) -> bool:
     with socket.socket() as probe:
         return probe.connect_ex(("127.0.0.1", int(url.split(":")[2].split("/")[0]))) != 0
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
-@pytest.mark.parametrize(
-    "kill", tiered([signal.SIGTERM, signal.SIGKILL, signal.SIGINT], (signal.SIGTERM,))
-)
-def test_the_command_leaves_nothing_behind_when_killed(kill: signal.Signals) -> None:
-    process, url = start("scara", "--no-open", "--skeleton")
-    try:
-        assert get(url)[0] == 200
-        if Path("/proc").is_dir():
-            children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
-            assert not children.exists() or children.read_text().strip() == ""
-        process.send_signal(kill)
-        process.communicate(timeout=10)
-        limit = time.monotonic() + 5
-        while not is_free(url) and time.monotonic() < limit:
-            time.sleep(0.05)
-        assert is_free(url)
-        if kill == signal.SIGINT:
-            assert process.returncode == 0
-    finally:
-        process.kill()
-        process.communicate()
 
 
 def test_ctrl_c_between_the_address_and_the_page(
