@@ -21,7 +21,7 @@ from pinsing.loops import (
     leg_form,
     mechanism_at,
 )
-from pinsing.loops.loop_forms import planar_dyad
+from pinsing.loops.closure import planar_dyad
 from pinsing.plot.mechanism import draw_linkage, input_map, is_left, map_legend
 from pinsing.robot.mechanism import Mechanism, load_mechanism
 

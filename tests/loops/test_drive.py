@@ -8,8 +8,7 @@ from tiers import tiered
 from pinsing.errors import PinsingError
 from pinsing.loops import home, motions, residual
 from pinsing.loops.motion import assembly_sign
-from pinsing.loops.singular_points import trace
-from pinsing.loops.solve import drive
+from pinsing.loops.solve import drive, trace
 from pinsing.robot.mechanism import Mechanism
 
 NAMES = ["five_bar", "four_bar", "planar_3rrr"]

@@ -41,8 +41,7 @@ from pinsing.loops import (
     residual,
     solve,
 )
-from pinsing.loops.closure import Loops, gauss_newton, random_closed
-from pinsing.loops.loop_forms import planar_dyad
+from pinsing.loops.closure import Loops, gauss_newton, planar_dyad, random_closed
 from pinsing.loops.motion import elbow_sines
 from pinsing.robot.mechanism import Loop, Mechanism, load_mechanism
 

@@ -1,5 +1,7 @@
 """Mechanisms in figures, on pages and at the command line."""
 
+import sys
+
 import matplotlib as mpl
 import numpy as np
 import pytest
@@ -129,7 +131,7 @@ def test_ctrl_c_keeps_what_an_analysis_has_done(monkeypatch, capsys, tmp_path):
 
     whole = analyzed("five_bar")
     assert whole.missing == ()
-    monkeypatch.setattr("pinsing.loops.singular_points.refine_point", stopped)
+    monkeypatch.setattr(sys.modules["pinsing.loops.solve"], "refine_point", stopped)
     cut = analyze_mechanism(shipped("five_bar"))
     assert cut.missing == (
         "curves of q1, its range and singular points: stopped before its end",

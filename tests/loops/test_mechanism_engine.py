@@ -21,8 +21,7 @@ from pinsing.loops import (
     residual,
     working_modes,
 )
-from pinsing.loops.closure import BatchLoops, Loops, newton, output_pose, random_closed
-from pinsing.loops.loop_forms import planar_dyad
+from pinsing.loops.closure import BatchLoops, Loops, newton, output_pose, planar_dyad, random_closed
 from pinsing.loops.motion import assembly_sign
 from pinsing.robot.mechanism import Loop, Mechanism
 from pinsing.view.mechanism_viewer import groups, linkage_sizes

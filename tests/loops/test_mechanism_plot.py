@@ -13,8 +13,7 @@ from urdf_text import J, Y, frame, loop_text, written
 from pinsing.cli.show import plot_loops
 from pinsing.errors import OptionError
 from pinsing.loops import home, mechanism_at, mode_of, refine
-from pinsing.loops.closure import Loops, output_pose
-from pinsing.loops.loop_forms import planar_dyad
+from pinsing.loops.closure import Loops, output_pose, planar_dyad
 from pinsing.loops.map import pose_slice
 from pinsing.loops.motion import COORDINATES, pose_of
 from pinsing.loops.solve import working_modes

@@ -19,7 +19,7 @@ from mpl_toolkits.mplot3d import Axes3D
 from tiers import tiered_rows
 
 import pinsing
-from pinsing.loops.singular_points import trace
+from pinsing.loops.solve import trace
 
 URDF = Path(__file__).parents[2] / "urdf"
 

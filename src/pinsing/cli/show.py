@@ -120,7 +120,7 @@ def _figure(
     import matplotlib.pyplot as plt
 
     from pinsing.loops import assemblies, curves, find_singular, ranks
-    from pinsing.loops.loop_forms import planar_dyad
+    from pinsing.loops.closure import planar_dyad
     from pinsing.plot import mechanism as draw
 
     if kind == "modes":

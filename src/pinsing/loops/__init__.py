@@ -4,8 +4,7 @@ from pinsing._package import public
 from pinsing.loops.analysis import MechanismAnalysis, analyze_mechanism
 from pinsing.loops.closure import ranks, residual
 from pinsing.loops.forms import JointForms, JointLocus, PoseEquation, PoseForms, PoseLocus
-from pinsing.loops.joint_loci import joint_forms
-from pinsing.loops.loop_forms import Locus, LoopForms, loop_forms
+from pinsing.loops.joint_loci import Locus, LoopForms, joint_forms, loop_forms
 from pinsing.loops.map import MechanismMap, WorstConfiguration, mechanism_map
 from pinsing.loops.motion import (
     MechanismState,
@@ -18,24 +17,22 @@ from pinsing.loops.motion import (
     motions,
 )
 from pinsing.loops.pose_loci import pose_forms
-from pinsing.loops.singular_points import (
-    SingularPoint,
-    Trace,
-    find_singular,
-    refine_point as refine,
-    trace,
-)
 from pinsing.loops.solve import (
     InfeasibleError,
     Modes,
+    SingularPoint,
     Solution,
+    Trace,
     assemblies,
     assembly_modes,
     curves,
     drive,
     feasible,
+    find_singular,
     follow,
+    refine_point as refine,
     solve,
+    trace,
     working_modes,
 )
 

@@ -14,11 +14,10 @@ import numpy as np
 from pinsing.algebra.budget import Stages
 from pinsing.errors import OptionError
 from pinsing.interface import JsonResult, checked, typed
-from pinsing.loops.closure import BatchLoops, Ranks, output_pose, ranks, without_length
+from pinsing.loops.closure import BatchLoops, Ranks, output_pose, planar_dyad, ranks, without_length
 from pinsing.loops.forms import SHORT, JointForms, PoseForms
-from pinsing.loops.joint_loci import joint_forms
+from pinsing.loops.joint_loci import LoopForms, joint_forms, loop_forms, roots
 from pinsing.loops.legs import why_no_rods
-from pinsing.loops.loop_forms import LoopForms, loop_forms, planar_dyad, roots
 from pinsing.loops.motion import (
     Column,
     MechanismState,
@@ -32,15 +31,17 @@ from pinsing.loops.motion import (
     pose_table,
 )
 from pinsing.loops.pose_loci import locus_distance, pose_forms
-from pinsing.loops.singular_points import SingularPoint, Trace, find_singular
 from pinsing.loops.solve import (
     MOST_CURVES,
     InfeasibleError,
     Interval,
+    SingularPoint,
     Solution,
+    Trace,
     assembly_modes,
     curves,
     feasible,
+    find_singular,
     intervals,
     working_modes,
 )

@@ -5,10 +5,15 @@ loops: residuals, constraint Jacobians, generic ranks, Newton steps. One configu
 Pinocchio's constraint models: a point anchor for loops of kind ``3d`` and ``planar`` (which keeps
 its first two rows), a frame anchor for ``6d``. Arrays of configurations give the same numbers at
 once. Rows of a loop are in the axes of its first frame; translations before rotations.
+
+A planar loop may be closed by a dyad, exactly. The 5R (RR-RR) and the four-bar (RR-R): two links
+meet in a pin P. Each hangs on the end of an actuated crank, or on a fixed pivot; so the passive
+angles follow from the intersection of two circles.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -20,6 +25,7 @@ from pinsing.errors import OptionError, PinsingError, Refusal
 from pinsing.kinematics.jacobian import least_turns, rotation_vectors
 from pinsing.measures import (
     ALIKE,
+    NOISE,
     ROUNDING,
     SEED,
     SINGULAR_RTOL,
@@ -841,3 +847,204 @@ def ranks(mechanism: Mechanism) -> Ranks:
         f"name_mot must list {mobility} or more",
     )
     return Ranks(rank, mobility, output)
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """One half of the loop, at the zero of its joints, in the plane."""
+
+    pivot: Array  # (2,): fixed point A, metres
+    # joint that turns the crank A-B; None if the link of the dyad hangs on A itself (B = A)
+    crank: int | None
+    crank_sign: float  # sense of that joint in the plane
+    # crank_length and crank_angle: metres, radians
+    crank_length: float
+    crank_angle: float
+    pin: int  # passive joint at B
+    pin_sign: float  # sense of that joint
+    # rod_length and rod_angle: of the link B-P
+    rod_length: float
+    rod_angle: float
+
+    def end(self, turn: ArrayLike) -> Array:
+        """B (..., 2), metres, with the crank turned by angles (...) in the plane."""
+        return self.pivot + self.crank_length * _unit(np.asarray(turn) + self.crank_angle)
+
+    def turned(self, q: Array) -> Array:
+        """Angle (...) in the plane by which the crank is turned at q (..., n)."""
+        return self.crank_sign * q[..., self.crank] if self.crank is not None else 0 * q[..., 0]
+
+
+@dataclass(frozen=True, eq=False)
+class Dyad:
+    """The loop of a mechanism that two links close in a pin."""
+
+    mechanism: Mechanism  # the whole
+    sides: tuple[Side, Side]  # the first as in the loop's first frame
+    basis: Array  # (2, 3): axes of the plane, in those of the root
+
+    def ends(self, inputs: ArrayLike) -> tuple[Array, Array]:
+        """Points B1 and B2 that the dyad hangs on, each (..., 2), at inputs (..., n_a)."""
+        q = np.zeros((*np.shape(inputs)[:-1], self.mechanism.n))
+        q[..., list(self.mechanism.actuated)] = inputs
+        one, two = (side.end(side.turned(q)) for side in self.sides)
+        return one, two
+
+    def pin(self, inputs: ArrayLike, left: bool) -> Array:
+        """P (..., 2) at inputs (..., n_a), to the left or right of B1 -> B2; NaN if infeasible."""
+        first, second = self.ends(inputs)
+        gap = second - first
+        distance = np.linalg.norm(gap, axis=-1)
+        d1, d2 = self.sides[0].rod_length, self.sides[1].rod_length
+        with np.errstate(invalid="ignore", divide="ignore"):
+            along = (distance**2 + d1**2 - d2**2) / (2 * distance)
+            square = d1**2 - along**2
+            square = np.where(np.abs(square) <= NOISE * d1**2, 0.0, square)
+            height = np.sqrt(square) * (1 if left else -1)
+            unit = gap / distance[..., None]
+        across = np.stack([-unit[..., 1], unit[..., 0]], axis=-1)
+        return np.asarray(first + along[..., None] * unit + height[..., None] * across)
+
+    def configuration(self, inputs: ArrayLike, left: bool) -> Array:
+        """All joints (..., n) of one assembly mode at inputs (..., n_a); NaN if infeasible."""
+        return self.reaching(inputs, self.pin(inputs, left))
+
+    def reaching(self, inputs: ArrayLike, P: Array) -> Array:
+        """All joints (..., n) at inputs (..., n_a) whose rods reach for P (..., 2)."""
+        inputs = np.asarray(inputs, dtype=float)
+        q = np.zeros((*inputs.shape[:-1], self.mechanism.n))
+        q[..., list(self.mechanism.actuated)] = inputs
+        for side, B in zip(self.sides, self.ends(inputs), strict=True):
+            reach = P - B
+            angle = np.arctan2(reach[..., 1], reach[..., 0]) - side.rod_angle - side.turned(q)
+            q[..., side.pin] = side.pin_sign * angle
+        return self.mechanism.space.wrap(q)
+
+    def link_directions(self, q: ArrayLike, side: int) -> tuple[Array, Array]:
+        """Unit vectors (..., 2) along the crank and the rod of a side at q (..., n)."""
+        q = np.asarray(q, dtype=float)
+        this = self.sides[side]
+        turned = this.turned(q)
+        rod = turned + this.pin_sign * q[..., this.pin] + this.rod_angle
+        return _unit(turned + this.crank_angle), _unit(rod)
+
+    def elbow_sine(self, q: ArrayLike, side: int) -> Array:
+        """Sine (...) of the angle from crank to rod at q (..., n), zero if straight."""
+        crank, rod = self.link_directions(q, side)
+        return np.asarray(crank[..., 0] * rod[..., 1] - crank[..., 1] * rod[..., 0])
+
+    def at_pin(self) -> bool:
+        """Whether the output is the position of the pin, in the plane."""
+        mechanism, frames = self.mechanism, self.mechanism.model.frames
+        output = frames[mechanism.output_id]
+        pins = [frames[k] for (k,) in closing(mechanism)]
+        meets = any(
+            output.parentJoint == p.parentJoint
+            and np.allclose(output.placement.translation, p.placement.translation, atol=1e-12)
+            for p in pins
+        )
+        return meets and position_in(self.basis, mechanism.task.rows)
+
+    def close(self, inputs: ArrayLike) -> tuple[Array, ...]:
+        """Return all configurations (n,) at inputs (n_a,): two, one at type 2, or none."""
+        # Two of many where both links are equally long and their ends coincide: P is free on a
+        # circle.
+        inputs = self.mechanism.check_inputs(inputs)
+        first, second = self.ends(inputs)
+        if np.linalg.norm(second - first) <= NOISE and np.isclose(
+            self.sides[0].rod_length, self.sides[1].rod_length, rtol=1e-12
+        ):
+            around = [first + self.sides[0].rod_length * _unit(turn) for turn in (0.0, np.pi)]
+            return tuple(self.reaching(inputs, P) for P in around)
+        ways = [self.configuration(inputs, left) for left in (True, False)]
+        found = [q for q in ways if np.isfinite(q).all()]
+        return tuple(found[k] for k, *_ in groups(found, 1e-12, self.mechanism.space.wrap))
+
+    def excess(self, inputs: Array) -> float:
+        """By how much the ends are too far apart for the rods or too near, metres; or negative."""
+        gap = float(np.linalg.norm(np.subtract(*self.ends(inputs))))
+        d1, d2 = (side.rod_length for side in self.sides)
+        return max(gap - d1 - d2, abs(d1 - d2) - gap)
+
+    def touching(self, inputs: Array) -> tuple[Array, ...]:
+        """The one configuration where the circles of the rods touch, for inputs off by rounding."""
+        first, second = self.ends(inputs)
+        gap, d1 = float(np.linalg.norm(second - first)), self.sides[0].rod_length
+        if abs(self.excess(inputs)) > 1e-9 or gap == 0:
+            return ()
+        along = np.sign(gap**2 + d1**2 - self.sides[1].rod_length ** 2) * d1
+        return (self.reaching(inputs, first + along * (second - first) / gap),)
+
+    def working_modes(self, point: ArrayLike) -> tuple[Array, ...]:
+        """All configurations (n,) that put the pin at a point (2,) of the plane: up to four."""
+        point = np.asarray(point, dtype=float)
+        choices: list[list[tuple[float, ...]]] = []
+        for side in self.sides:
+            reach = point - side.pivot
+            far, length, rod = float(np.linalg.norm(reach)), side.crank_length, side.rod_length
+            if side.crank is None:
+                choices.append([()] if abs(far - rod) <= 1e-9 * rod else [])
+                continue
+            cosine = (far**2 + length**2 - rod**2) / (2 * far * length) if far > 0 else np.inf
+            away = float(np.arctan2(reach[1], reach[0])) - side.crank_angle
+            bend = float(np.arccos(np.clip(cosine, -1, 1)))
+            turns = [] if abs(cosine) > 1 + NOISE else [bend, -bend] if bend > 0 else [0.0]
+            choices.append([(side.crank_sign * (away + turn),) for turn in turns])
+        cranks = [side.crank for side in self.sides if side.crank is not None]
+        every = (
+            dict(zip(cranks, (*one, *two), strict=True)) for one, two in itertools.product(*choices)
+        )
+        actuated = self.mechanism.actuated
+        return tuple(self.reaching([values[j] for j in actuated], point) for values in every)
+
+
+@kept
+def planar_dyad(mechanism: Mechanism) -> Dyad | None:
+    """Return the dyad that closes a single planar loop; None if the mechanism is another."""
+    # Asked for: one loop; each of its frames at the end of an actuated crank and a passive link, or
+    # of a passive link alone; all axes parallel; both frames in one plane; no other joint.
+    zero, plane = at_zero(mechanism), plane_axes(mechanism)
+    kinds = [loop.kind for loop in mechanism.loops]
+    if kinds not in (["planar"], ["3d"]) or mechanism.prismatic.any() or plane is None:
+        return None
+    basis, normal = plane[0][:2], plane[0][2]
+    paths = [path_to(mechanism, body) for body in bodies(mechanism)[0]]
+    ends = [np.array(zero.frames[k].translation) for (k,) in closing(mechanism)]
+    one, two = (
+        _side(mechanism, path, zero, zero.axis @ normal, basis, end)
+        for path, end in zip(paths, ends, strict=True)
+    )
+    # Ends that miss each other along the axes never close as points in space.
+    apart = kinds == ["3d"] and abs(float((ends[0] - ends[1]) @ normal)) > 1e-9
+    if one is None or two is None or apart or sum(map(len, paths)) != mechanism.n:
+        return None
+    return Dyad(mechanism, (one, two), basis)
+
+
+def _side(
+    mechanism: Mechanism, path: list[int], zero: Sample, senses: Array, basis: Array, end: Array
+) -> Side | None:
+    if [j in mechanism.actuated for j in path] not in ([True, False], [False]):
+        return None
+    points = [basis @ zero.origins[j] for j in path]
+    rod = basis @ end - points[-1]
+    length = float(np.linalg.norm(rod))
+    crank = points[-1] - points[0]
+    crank_length = float(np.linalg.norm(crank))
+    if length <= 0 or (len(path) == 2 and crank_length <= 0):
+        return None
+    return Side(
+        pivot=points[0],
+        crank=path[0] if len(path) == 2 else None,
+        crank_sign=float(np.sign(senses[path[0]])) if len(path) == 2 else 1.0,
+        crank_length=crank_length,
+        crank_angle=float(np.arctan2(crank[1], crank[0])),
+        pin=path[-1],
+        pin_sign=float(np.sign(senses[path[-1]])),
+        rod_length=length,
+        rod_angle=float(np.arctan2(rod[1], rod[0])),
+    )
+
+
+def _unit(angle: ArrayLike) -> Array:
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)

@@ -1,5 +1,18 @@
-"""Singular loci from the closure equations themselves, exactly: for loops of any kind and cut.
+"""Singular loci over the inputs and in the joint angles, exactly.
 
+Over the inputs, of planar loops that a dyad closes: two links meet in a pin P, each on the end of
+an actuated crank, or on a fixed pivot. With the links d1 and d2 long and v = B2 - B1 between their
+ends, type 2 is where B1, P, B2 are in line,
+
+    v.v = (d1 + d2)^2   or   v.v = (d1 - d2)^2,
+
+and leg 1 is at type 1 where A1, B1, P are: with e the direction of its crank
+
+    (v - d1 e).(v - d1 e) = d2^2   or   (v + d1 e).(v + d1 e) = d2^2,
+
+so leg 2. In half-angle coordinates of the inputs these are polynomials over the rationals.
+
+In the joint angles, from the closure equations themselves, of loops of any kind and cut.
 With G the Jacobian of the closure equations, the joints that carry no actuator move with all
 actuators held where the columns of G that are theirs are dependent; a motion leaves the output at
 rest where the columns of G over the rows of the output are. Both are matrices of polynomials in
@@ -18,10 +31,10 @@ import functools
 import itertools
 import math
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -32,16 +45,19 @@ from pinsing.algebra.jacobian_matrix import determinant
 from pinsing.algebra.real_roots import real_roots
 from pinsing.algebra.ring import Poly, Ring, make_ring, rational
 from pinsing.errors import OptionError
+from pinsing.interface import JsonResult
 from pinsing.loops.closure import (
     PLANE,
     SIZE,
     SPACE,
     SPHERE,
+    Dyad,
     NotThisKind,
     at_zero,
     in_room,
     loop_ends,
     near_home,
+    planar_dyad,
     random_closed,
     ranks,
     room_of,
@@ -64,12 +80,283 @@ from pinsing.loops.forms import (
 )
 from pinsing.loops.legs import sphere_rods
 from pinsing.loops.pose_loci import squares_note
-from pinsing.measures import NOISE, ROUNDING, Array
+from pinsing.loops.solve import SingularPoint, refine_point
+from pinsing.measures import NOISE, ROUNDING, Array, ArrayLike
 from pinsing.robot.arm import kept
 from pinsing.robot.mechanism import Mechanism, closing, path_to
 
 if TYPE_CHECKING:
     from pinsing.families import ClosedForm
+
+
+def roots(equation: Equation, inputs: ArrayLike, free: int) -> Array:
+    """Return all real values, in (-pi, pi], of one input that solve an equation."""
+    # Along it the equation is rest + a cos u + b sin u, u being the angle or half of it.
+    turns = equation.frequencies[:, free]
+    q = np.array(inputs, dtype=float)
+    q[free] = -equation.shift[free]
+    phase = (q + equation.shift) @ (equation.frequencies.T / 2)
+    cos, sin = np.cos(phase), np.sin(phase)
+    even = equation.cos * cos + equation.sin * sin
+    odd = np.sign(turns) * (equation.sin * cos - equation.cos * sin)
+    a, b, rest = even[turns != 0].sum(), odd.sum(), even[turns == 0].sum()
+    most = float(np.hypot(a, b))
+    if most <= NOISE * equation.size or abs(rest) > most + 1e-12 * equation.size:
+        return np.zeros(0)
+    # Of half an angle both are one value; and where it is met at one value alone.
+    single = np.abs(turns).max() == 1 or abs(rest) >= most - 1e-14 * equation.size
+    spread = np.arccos(np.clip(-rest / most, -1, 1)) * np.array([1.0] if single else [1.0, -1.0])
+    value = 2 * (np.arctan2(b, a) + spread) / np.abs(turns).max() - equation.shift[free]
+    return np.sort(np.pi - np.mod(np.pi - value, 2 * np.pi))
+
+
+@dataclass(frozen=True, eq=False)
+class Locus:
+    """One irreducible singular locus, as an equation in the inputs.
+
+    Attributes
+    ----------
+    kind : str
+        ``type 1`` or ``type 2``.
+    words : str
+        What is in line with what.
+    equation : Equation
+        Zero on the locus; joints are the inputs. Its value is in square metres: the squared
+        distance that must equal a squared reach, minus that.
+    points_only : bool
+        Whether its real points are isolated, of codimension 2: the ends of two cranks that
+        coincide, or a reach that is met at one point alone, with everything in line.
+    witness : SingularPoint or None
+        A verified configuration on it; None where no feasible one was found.
+    """
+
+    kind: str
+    words: str
+    equation: Equation
+    points_only: bool
+    witness: SingularPoint | None
+
+    def __str__(self) -> str:
+        found = "" if self.witness else " [no feasible configuration found]"
+        points = " [isolated points]" if self.points_only else ""
+        return f"{self.kind}, {self.words}: {self.equation}{points}{found}"
+
+
+@dataclass(frozen=True, eq=False)
+class LoopForms(JsonResult):
+    """All singular loci of a mechanism over its inputs.
+
+    Attributes
+    ----------
+    loci : tuple of Locus
+        Irreducible over the rationals.
+    complete : bool
+        Whether every closed singular configuration has its inputs on one of them.
+    notes : tuple of str
+        What was assumed or left out.
+    joint_forms : JointForms or None
+        Those in the joint angles, which ``families --loops`` writes into its JSON; elsewhere they
+        are asked for by themselves, with `joint_forms`.
+    """
+
+    schema: ClassVar[str] = "pinsing/loop-forms/1"
+
+    loci: tuple[Locus, ...]
+    complete: bool
+    notes: tuple[str, ...]
+    joint_forms: JointForms | None = field(default=None, metadata={"optional": True})
+
+    def __str__(self) -> str:
+        return "\n".join([*(str(x) for x in self.loci), *self.notes])
+
+
+def loop_forms(mechanism: Mechanism) -> LoopForms | None:
+    """Return closed forms of the singular loci; None where no planar dyad closes the mechanism."""
+    dyad = planar_dyad(mechanism)
+    if dyad is None:
+        return None
+    system = _LoopEquations(dyad)
+    notes = list(system.notes)
+    # Legs whose stretching loses an output direction: of the pin all, of the link that the dyad
+    # drives, the other one's.
+    legs = [k for k, side in enumerate(dyad.sides) if side.crank is not None]
+    output = int(mechanism.model.frames[mechanism.output_id].parentJoint) - 1
+    known = dyad.at_pin() if len(legs) == 2 else output == dyad.sides[1 - legs[0]].pin
+    if not known:
+        notes.append(
+            f"type 1 loci are left out: the output {mechanism.output} ({mechanism.task}) is "
+            "neither the pin's position nor the link that the dyad drives"
+        )
+    loci: list[Locus] = []
+    always = False
+    for leg in (None, *(legs if known else ())):
+        for sense, word in ((1, "stretched"), (-1, "folded")):
+            inputs = system.ring.strip(system.in_line(leg, sense))
+            if inputs != 0:
+                loci += system.loci(leg, inputs, sense)
+                continue
+            always = True
+            kind, where = ("type 2", "") if leg is None else (
+                "type 1", f", of which no equation over the inputs tells: leg {leg + 1} is {word} "
+                "there with its end at rest; the equations in the joint angles have it",
+            )  # fmt: skip
+            notes.append(f"{kind}: at all inputs in one assembly mode{where}")
+    return LoopForms(tuple(loci), known and not always, tuple(notes))
+
+
+class _LoopEquations:
+    """The loop equations of a dyad over the rationals."""
+
+    def __init__(self, dyad: Dyad) -> None:
+        self.dyad = dyad
+        self.notes: list[str] = []
+        actuated = dyad.mechanism.actuated
+        cranks = [actuated.index(s.crank) for s in dyad.sides if s.crank is not None]
+        OptionError.refuse_if(
+            sorted(cranks) != list(range(len(actuated))),
+            "every input must turn a crank of the loop",
+        )
+        self.ring: Ring = make_ring([False] * len(actuated))
+        self.offset = np.zeros(len(actuated))
+        # Directions of the cranks times w; a fixed pivot is one of length zero that stays.
+        self.w: list[Poly] = []
+        self.direction: list[tuple[Poly, Poly]] = []
+        for side in dyad.sides:
+            x, y = self.ring.one, self.ring.zero
+            if side.crank is not None:
+                j = actuated.index(side.crank)
+                x, y = (self.ring.context.gens()[k] for k in self.ring.variables(j))
+                # angle = sign q + crank_angle = sign (q + offset)
+                self.offset[j] = side.crank_sign * side.crank_angle
+            self.w.append(x**2 + y**2)
+            self.direction.append((x**2 - y**2, 2 * int(side.crank_sign) * x * y))
+        self.cranks = [self._exact(side.crank_length, "crank") for side in dyad.sides]
+        self.pivots = [[self._exact(float(x), "pivot") for x in s.pivot] for s in dyad.sides]
+        self.rods = tuple(self._exact(side.rod_length, "rod") for side in dyad.sides)
+        self.tried = np.random.default_rng(6151).uniform(-np.pi, np.pi, (60, len(actuated)))
+
+    def _exact(self, value: float, what: str) -> Any:
+        near = Fraction(value).limit_denominator(10**9)
+        if abs(float(near) - value) > NOISE * max(1.0, abs(value)):
+            self.notes.append(
+                f"a {what} of {value!r} m was taken as {near} (off by {float(near) - value:.1e})"
+            )
+        return rational(near)
+
+    def square(self, leg: int | None = None, sense: int = 0) -> Poly:
+        """Squared distance of the cranks' ends, times W^2; the rod of a leg lengthens its crank."""
+        one, two = (
+            crank + (sense * rod if leg == k else 0)
+            for k, (crank, rod) in enumerate(zip(self.cranks, self.rods, strict=True))
+        )
+        w, u = self.w
+        rows = zip(*self.pivots, *self.direction, strict=True)
+        away = [(b - a) * w * u + two * w * e - one * u * d for a, b, d, e in rows]
+        return away[0] ** 2 + away[1] ** 2
+
+    def in_line(self, leg: int | None, sense: int) -> Poly:
+        """Return the equation of a leg, or both rods, stretched (``sense`` 1) or folded (-1)."""
+        # It is a squared distance minus a squared reach, over W^2 in square metres.
+        reach = self.rods[0] + sense * self.rods[1] if leg is None else self.rods[1 - leg]
+        return self.square(leg, sense) - (reach * self.w[0] * self.w[1]) ** 2
+
+    def loci(self, leg: int | None, inputs: Poly, sense: int) -> list[Locus]:
+        """The factors that have real points; ``leg``, ``sense`` as in `in_line`."""
+        dyad, square, kind = self.dyad, self.square(), "type 2" if leg is None else "type 1"
+        gap = dyad.sides[1].pivot - dyad.sides[0].pivot
+        # Lengths that turn about the pivots: the cranks, that of a leg with its rod along it.
+        arms = [
+            side.crank_length + (sense * side.rod_length if leg == k else 0.0)
+            for k, side in enumerate(dyad.sides)
+        ]
+        extremes = _extremes(dyad, gap, arms)
+        out = []
+        for factor in self.ring.factors(inputs):
+            form = equation(factor, self.ring, dyad.mechanism.inputs, self.offset)
+            coincide = kind == "type 2" and divmod(square, factor)[1] == 0
+            # Values, zero where that is rounding.
+            values = form(np.concatenate([extremes, self.tried]))
+            values[np.abs(values) <= NOISE * form.size] = 0.0
+            touching = extremes[values[: len(extremes)] == 0]
+            if len(form.joints) == 1 and len(roots(form, [0.0], 0)):
+                values = np.append(values, 0.0)
+            # Where the ends coincide, rods of different lengths do not close.
+            none = values.min() > 0 or values.max() < 0
+            if none or (coincide and self.rods[0] != self.rods[1]):
+                continue
+            # It touches zero only where all is in line or two ends meet: at single points if both
+            # inputs and the distance of their pivots count, else all along one of the inputs.
+            single = 0 in (values.min(), values.max())
+            both = coincide or (single and len(form.involved) == 2)
+            points_only = bool(np.any(gap != 0)) and both
+            candidates = touching if points_only else self._on(form, extremes)
+            witness = _witness(dyad, leg, candidates, points_only, sense)
+            ends = [f"{'A' if s.crank is None else 'B'}{k}" for k, s in enumerate(dyad.sides, 1)]
+            line = f"{', P, '.join(ends)}" if leg is None else f"A{leg + 1}, B{leg + 1}, P"
+            words = f"{line} in line, {'stretched' if sense > 0 else 'folded'}"
+            words = "B1 and B2 coincide and P turns about them" if coincide else words
+            # In square metres, up to sign: squared distance minus squared reach. Type 2: |B1 B2|^2
+            # - (d1 +- d2)^2. Type 1 of leg 1: |A1 + (l1 +- d1) e1 - B2|^2 - d2^2. The cosine rule
+            # gives the coefficient of the highest frequency, and with it the scale.
+            reach = (
+                arms if len(form.joints) > 1 else [x or float(np.linalg.norm(gap)) for x in arms]
+            )
+            top = int(np.argmax(np.abs(form.frequencies).sum(axis=1)))
+            size = float(np.hypot(form.cos, form.sin)[top])
+            target = 2 * abs(reach[0] * reach[1])
+            form = form.scaled(target / size) if target > 1e-12 else form
+            out.append(Locus(kind, words, form, points_only, witness))
+        return out
+
+    def _on(self, form: Equation, extremes: Array) -> Iterator[Array]:
+        """Yield inputs on a locus, as they are asked for: most often the first will do."""
+        # Lines along the inputs, random ones first; small loops lie about an extreme.
+        n = len(form.joints)
+        for base in np.concatenate([self.tried, extremes]) if n > 1 else self.tried[:1]:
+            for free in range(n):
+                for value in roots(form, base, free):
+                    yield np.where(np.arange(n) == free, value, base)
+
+
+def _extremes(dyad: Dyad, gap: Array, arms: Sequence[float]) -> Array:
+    """Return inputs (k, n_a) at which the distance of the ends of two arms is extreme.
+
+    It decides on a locus. It is stationary where both arms, which turn about pivots a ``gap`` (2,)
+    apart, lie on the line of the pivots, and least where the ends meet.
+    """
+    far, along = float(np.linalg.norm(gap)), float(np.arctan2(gap[1], gap[0]))
+    found = [(along + a, along + b) for a in (0.0, np.pi) for b in (0.0, np.pi)]
+    one, two = arms  # less than nothing where a rod is folded over a shorter crank
+    if far > 0 and one != 0 and abs(abs(one) - abs(two)) <= far <= abs(one) + abs(two):
+        bend = float(np.arccos(np.clip((far**2 + one**2 - two**2) / (2 * far * one), -1, 1)))
+        for turn in (bend, -bend):
+            away = one * np.array([np.cos(turn), np.sin(turn)]) - [far, 0.0]
+            away = away if two > 0 else -away
+            found.append((along + turn, along + float(np.arctan2(away[1], away[0]))))
+    out = np.zeros((len(found), len(dyad.mechanism.inputs)))
+    for side, angle in zip(dyad.sides, np.array(found).T, strict=True):
+        if side.crank is not None:
+            k = dyad.mechanism.actuated.index(side.crank)
+            out[:, k] = side.crank_sign * (angle - side.crank_angle)
+    return np.pi - np.mod(np.pi - out, 2 * np.pi)
+
+
+def _witness(
+    dyad: Dyad, leg: int | None, candidates: Iterable[Array], points_only: bool, sense: int
+) -> SingularPoint | None:
+    """A verified configuration at one of some inputs, in line as asked for."""
+    mechanism = dyad.mechanism
+    held = [] if points_only else list(mechanism.actuated[:-1])
+    for q in itertools.chain.from_iterable(dyad.close(x) or dyad.touching(x) for x in candidates):
+        straight = leg is None or abs(float(dyad.elbow_sine(q, leg))) <= 1e-6
+        # Unit vectors that agree where a leg, or both rods, are stretched.
+        links = [dyad.link_directions(q, k) for k in (0, 1)]
+        first, second = (links[0][1], -links[1][1]) if leg is None else links[leg]
+        if straight and sense * float(first @ second) >= 0:
+            point = refine_point(mechanism, q, "type 2" if leg is None else "type 1", held)
+            if point.converged and np.abs(mechanism.space.wrap(point.q - q)).max() < 1e-3:
+                return point
+    return None
 
 
 _AT_REST = "a motion of the joints leaves the output at rest"

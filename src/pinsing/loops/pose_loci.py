@@ -36,6 +36,7 @@ from pinsing.loops.closure import (
     in_room,
     near_home,
     output_pose,
+    planar_dyad,
     random_closed,
     ranks,
     structure,
@@ -70,7 +71,6 @@ from pinsing.loops.legs import (
     sphere_rods,
     written,
 )
-from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.motion import home, pose_of
 from pinsing.measures import ROUNDING, Array
 from pinsing.robot.arm import kept

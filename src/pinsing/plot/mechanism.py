@@ -20,9 +20,18 @@ from matplotlib.patches import Patch
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
 from pinsing.errors import OptionError
-from pinsing.loops.closure import BatchLoops, groups, likeness, output_pose, plane_axes, ranks, same
-from pinsing.loops.joint_loci import joint_forms
-from pinsing.loops.loop_forms import Dyad, LoopForms, loop_forms, planar_dyad
+from pinsing.loops.closure import (
+    BatchLoops,
+    Dyad,
+    groups,
+    likeness,
+    output_pose,
+    planar_dyad,
+    plane_axes,
+    ranks,
+    same,
+)
+from pinsing.loops.joint_loci import LoopForms, joint_forms, loop_forms
 from pinsing.loops.map import PoseSlice, PoseWay, free_coordinates, pose_slice
 from pinsing.loops.motion import (
     COORDINATES,
@@ -34,12 +43,13 @@ from pinsing.loops.motion import (
     pose_of,
 )
 from pinsing.loops.pose_loci import pose_forms
-from pinsing.loops.singular_points import SingularPoint, Trace, find_singular
 from pinsing.loops.solve import (
-    Modes,
+    SingularPoint,
     Solution,
+    Trace,
     assembly_modes,
     curves,
+    find_singular,
     working_modes,
 )
 from pinsing.measures import ALIKE, ROUNDING, Array, ArrayLike, Bool, NDArray
@@ -456,46 +466,46 @@ def mode_sheet(
     mechanism: Mechanism,
     inputs: ArrayLike | None = None,
     degrees: bool = True,
-    direct: Modes | None = None,
-    inverse: Modes | None = None,
+    found: Sequence[tuple[str, Sequence[Solution]]] = (),
 ) -> Figure:
     """Draw every mode that was found: first the direct problem, then the inverse one."""
     # Assembly modes are those at ``inputs``; working modes those of the pose that the first of them
-    # has. Each picture has its number in the text of ``analyze --loops``.
-    asked = home(mechanism)[list(mechanism.actuated)] if inputs is None else inputs
-    direct = assembly_modes(mechanism, asked) if direct is None else direct
-    OptionError.refuse_if(
-        not direct.modes, f"{mechanism.name}: there is no mode to draw: {direct.statement}"
-    )
-    q = home(mechanism) if inputs is None else direct.modes[0].q
-    generic = ranks(mechanism)
-    if inverse is None and generic.output >= generic.mobility:
-        inverse = working_modes(mechanism, output_pose(mechanism, q).homogeneous)
+    # has; ``found`` are the statement and modes of each, where they are at hand. Each picture has
+    # its number in the text of ``analyze --loops``.
+    if not found:
+        direct = assembly_modes(mechanism, inputs)
+        OptionError.refuse_if(
+            not direct.modes, f"{mechanism.name}: there is no mode to draw: {direct.statement}"
+        )
+        q = home(mechanism) if inputs is None else direct.modes[0].q
+        found, generic = [(direct.statement, direct.modes)], ranks(mechanism)
+        if generic.output >= generic.mobility:
+            inverse = working_modes(mechanism, output_pose(mechanism, q).homogeneous)
+            found.append((inverse.statement, inverse.modes))
     plane = drawing_plane(mechanism)
-    parts = [("At these inputs", direct, free_coordinates(mechanism))]
-    if inverse is not None and inverse.modes:
-        parts.append(("At this pose", inverse, mechanism.inputs))
-    chosen = [looks_apart(mechanism, found.modes) for _, found, _ in parts]
-    rows = [-(-len(which) // _ROW) for which in chosen]
-    columns = min(_ROW, max(map(len, chosen)))
+    told = (("At these inputs", free_coordinates(mechanism)), ("At this pose", mechanism.inputs))
+    parts = [
+        (f"{title}: {said}", names, modes, looks_apart(mechanism, modes))
+        for (title, names), (said, modes) in zip(told, found, strict=False)
+        if modes
+    ]
+    rows = [-(-len(which) // _ROW) for *_, which in parts]
+    columns = min(_ROW, max(len(which) for *_, which in parts))
     figure = plt.figure(
         figsize=(max(2.7 * columns, 5.4), 2.95 * sum(rows) + 0.5 * len(parts)),
         layout=ConstrainedLayoutEngine(h_pad=0.1),  # keeps headings of two lines apart
     )
     blocks = figure.subfigures(len(parts), 1, height_ratios=rows, squeeze=False)[:, 0]
-    every = [
-        found.modes[k].q for (_, found, _), which in zip(parts, chosen, strict=True) for k in which
-    ]
-    box = _box(mechanism, every)
-    for block, (title, found, names), count, which in zip(blocks, parts, rows, chosen, strict=True):
-        more, those = "", "it" if len(which) == 1 else "these"
-        if len(which) == _MOST < len(found.modes):
-            more = f". The first {_MOST} that look different are drawn"
-        elif len(which) < len(found.modes):
-            more = f". Drawn: {len(which)}; the others look like {those}, legs turned round"
-        block.suptitle(_wrapped(f"{title}: {found.statement}{more}", columns), fontsize=9)
+    box = _box(mechanism, [modes[k].q for _, _, modes, which in parts for k in which])
+    for block, (heading, names, modes, which), count in zip(blocks, parts, rows, strict=True):
+        those = "it" if len(which) == 1 else "these"
+        if len(which) == _MOST < len(modes):
+            heading += f". The first {_MOST} that look different are drawn"
+        elif len(which) < len(modes):
+            heading += f". Drawn: {len(which)}; the others look like {those}, legs turned round"
+        block.suptitle(_wrapped(heading, columns), fontsize=9)
         for place, k in enumerate(which, 1):
-            mode = found.modes[k]
+            mode = modes[k]
             ax = block.add_subplot(count, columns, place, **({} if plane else {"projection": "3d"}))
             _draw(mechanism, mode.q, ax, plane, box)
             ways = f"; {mode.ways} ways" if mode.ways > 1 else ""

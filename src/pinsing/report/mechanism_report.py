@@ -10,13 +10,12 @@ import numpy as np
 
 from pinsing.loops import MechanismAnalysis, MechanismState, analyze_mechanism, mechanism_at
 from pinsing.loops.analysis import Line, joint_lines, pose_lines
-from pinsing.loops.loop_forms import planar_dyad
+from pinsing.loops.closure import planar_dyad
 from pinsing.loops.map import COARSE, free_coordinates, pose_slice
 from pinsing.loops.motion import home
 from pinsing.loops.solve import (
     InfeasibleError,
     Interval,
-    Modes,
     assemblies,
 )
 from pinsing.measures import ROUNDING, Array
@@ -76,12 +75,7 @@ def modes(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
     """All modes side by side."""
     from pinsing.plot.mechanism import mode_sheet
 
-    def found(problem: str, solutions: object, statement: str) -> Modes:
-        return Modes(problem, solutions, 0, (), 0, 0, None, False, statement)  # type: ignore[arg-type]
-
-    direct = found("direct", a.assemblies, a.direct)
-    inverse = found("inverse", a.working, a.inverse) if a.inverse else None
-    drawn = mode_sheet(mechanism, a.state.inputs, True, direct, inverse)
+    drawn = mode_sheet(mechanism, found=((a.direct, a.assemblies), (a.inverse, a.working)))
     for ax in drawn.axes:
         ax.set_title(ax.get_title().replace(", elbows", "\nelbows"), fontsize=8)
     alt = (
@@ -272,8 +266,6 @@ def _listed(a: MechanismAnalysis) -> tuple[list[tuple[str, ...]], tuple[str, ...
         told = [(x.kind, x.words, "found" if x.witness else "none found") for x in a.forms.loci]
         return [(text(f"L{k}"), *map(text, words)) for k, words in enumerate(told, 1)], header
     pairs = [(x.kind, x.words) for x in (a.pose_forms.loci if a.pose_forms is not None else ())]
-    if a.pose_forms is not None:
-        pairs += [(x.kind, str(x)) for x in a.pose_forms.everywhere if hasattr(x, "kind")]
     if not pairs and a.joint_forms is not None:
         pairs = [(x.kind, x.words) for x in a.joint_forms.loci if x.kind != "passive"]
     distinct = list(dict.fromkeys(pairs))

@@ -22,8 +22,8 @@ from pinsing.loops.closure import (
     structure,
 )
 from pinsing.loops.motion import assembly_rows, elbow_sines, elbows, home, led_pose, mechanism_at
-from pinsing.loops.singular_points import SingularPoint
 from pinsing.loops.solve import (
+    SingularPoint,
     assemblies,
     drive,
 )
@@ -105,17 +105,11 @@ def linkage_sizes(mechanism: Mechanism, scale: float = 1.0) -> Sizes:
     # For unit input speed at random regular configurations.
     rng = np.random.default_rng(377)
     samples = [home(mechanism), *random_closed(mechanism, 16, rng)]
-    states = [mechanism_at(mechanism, q) for q in samples]
-    fast: dict[bool, list[float]] = {True: [], False: []}
-    rows = np.array(mechanism.task.rows)
-    for state in states:
-        for turns in (False, True):
-            part = (rows >= 3) == turns
-            if state.velocity is not None and part.any():
-                fast[turns].append(float(np.linalg.norm(state.velocity[part], 2)))
-    reach = extent(mechanism, samples[0])
-    usual = []
-    for speeds in (fast[False], fast[True]):
+    velocities = [mechanism_at(mechanism, q).velocity for q in samples]
+    reach, rows, usual = extent(mechanism, samples[0]), np.array(mechanism.task.rows), []
+    for part in (rows < 3, rows >= 3):
+        known = [v[part] for v in velocities if v is not None and part.any()]
+        speeds = [float(np.linalg.norm(v, 2)) for v in known]
         # The median; home's, the first of them, is to be seen well: at most twice that.
         middle = float(np.median(speeds)) if speeds else 1.0
         seen = 2 * speeds[0] if speeds and speeds[0] > 0 else middle
