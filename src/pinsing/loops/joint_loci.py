@@ -514,15 +514,16 @@ def _primitive(force: Row) -> tuple[Row, Poly]:
 
 
 class LegWrenches(_ExactTree):
-    """What legs pass on with their actuators locked: a list of loci, `type2` and `type1`.
+    """What legs pass on with their actuators locked, and the loci: `type2`, `type1` and `alone`.
 
-    ``wrenches``: the number of the leg, from 1; force and moment about the origin of the base (6,),
-    in the plane fx, fy, mz, on the sphere the moment about the centre, all entries of one degree in
-    each joint; and what each actuated joint of the leg feels, where it feels something. The
-    ``carrier`` is the way along the tree up to the output. Where it has not ``ended`` in a ball
+    ``wrenches``: of each the number of its leg, from 1; force and moment about the origin of the
+    base (6,), in the plane fx, fy, mz, on the sphere the moment about the centre (3,), all entries
+    of one degree in each joint; and by joint what the leg's actuated joints feel, where they feel
+    something. The ``carrier`` is the way along the tree up to the output, whose origin is
+    ``output`` in the base, times the carrier's scale. Where that way has not ``ended`` in a ball
     (pin, hinge) its own joints are the unknowns, and the wrenches are those of the others.
-    ``passive``: what is zero where passive joints of a leg are dependent themselves, by its number,
-    these, and whether they are the three hinges that a file writes for a ball.
+    ``passive``: what is zero where passive joints depend on each other, by the number of their leg,
+    these joints, and whether they are the three hinges that a file writes for a ball.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:

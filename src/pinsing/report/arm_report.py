@@ -470,6 +470,7 @@ def write_report(
             trajectory is not None or zones is not None, "a trajectory and zones are of arms only"
         )
         OptionError.refuse_if(forms is not None, "forms are of arms: a mechanism has none to give")
+        quiet_backend()  # before anything draws
         from pinsing.report.mechanism_report import mechanism_report
 
         given = {key: robot.check_inputs(x) for key, x in poses.items()}

@@ -19,6 +19,15 @@ from pinsing.loops.solve import (
     assemblies,
 )
 from pinsing.measures import ROUNDING, Array
+from pinsing.plot.mechanism import (
+    draw_linkage,
+    input_map,
+    map_legend,
+    mode_sheet,
+    motion_curve,
+    panels,
+    pose_maps,
+)
 from pinsing.prose import Page
 from pinsing.report.document import (
     Section,
@@ -32,7 +41,6 @@ from pinsing.report.document import (
     name,
     paragraph,
     png,
-    quiet_backend,
     section,
     table,
     terms,
@@ -73,8 +81,6 @@ def loci(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
 
 def modes(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
     """All modes side by side."""
-    from pinsing.plot.mechanism import mode_sheet
-
     drawn = mode_sheet(mechanism, found=((a.direct, a.assemblies), (a.inverse, a.working)))
     for ax in drawn.axes:
         ax.set_title(ax.get_title().replace(", elbows", "\nelbows"), fontsize=8)
@@ -92,8 +98,6 @@ def modes(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
 def aspects(mechanism: Mechanism, a: MechanismAnalysis) -> Section | None:
     """A slice through the workspace, or all poses of one freedom."""
     if a.mobility == 1:
-        from pinsing.plot.mechanism import motion_curve
-
         drawn = motion_curve(mechanism).figure
         words = "All poses of the mechanism, by assembly mode, with what is singular."
         return section(
@@ -101,8 +105,6 @@ def aspects(mechanism: Mechanism, a: MechanismAnalysis) -> Section | None:
         )
     if a.joint_forms is None or not a.joint_forms.complete:
         return None
-    from pinsing.plot.mechanism import pose_maps
-
     over = _telling(mechanism)
     names = " and ".join(over)
     words = (
@@ -118,8 +120,6 @@ def aspects(mechanism: Mechanism, a: MechanismAnalysis) -> Section | None:
 
 def _telling(mechanism: Mechanism) -> tuple[str, str]:
     """Two coordinates over which the slice at home shows more than one aspect; else the first."""
-    from pinsing.plot.mechanism import panels
-
     free = free_coordinates(mechanism)
     pairs = [(a, b) for k, a in enumerate(free) for b in free[k + 1 :]]
     # Two positions are easiest to read, then a position and a turn.
@@ -189,8 +189,6 @@ def _picture(mechanism: Mechanism, q: Array, kind: str) -> str:
     if planar_dyad(mechanism) is None:
         return ""
     from matplotlib import pyplot as plt
-
-    from pinsing.plot.mechanism import draw_linkage
 
     drawn, ax = plt.subplots(figsize=(3.4, 3.0))
     draw_linkage(mechanism, q, ax)
@@ -330,8 +328,6 @@ def maps(mechanism: Mechanism) -> Section | None:
         return None
     from matplotlib import pyplot as plt
 
-    from pinsing.plot.mechanism import input_map, map_legend
-
     drawn, axes = plt.subplots(1, 2, figsize=(7.0, 3.3), layout="constrained")
     for ax, sign in zip(axes, "+-", strict=True):
         input_map(mechanism, sign, ax, samples=361)
@@ -451,7 +447,6 @@ def mechanism_report(
     mechanism: Mechanism, poses: Mapping[str, Array], page: bool, beside: str | None, skeleton: bool
 ) -> tuple[str, str | None]:
     """Return the report of a mechanism, judging ``poses`` (inputs (n_a,)); pages as of an arm."""
-    quiet_backend()
     started = time.monotonic()
     found = analyze_mechanism(mechanism)
     if found.missing:  # Ctrl-C
