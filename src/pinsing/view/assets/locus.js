@@ -1,7 +1,7 @@
 // The equation of a family as one for a joint, and its curve over two joints, the others on sliders.
 "use strict";
 
-const LOCUS = { wide: 320, high: 210, left: 44, bottom: 30, top: 8, right: 8 };
+const LOCUS = { wide: 320, high: 210, frame: [[44, 312], [180, 8]] }; // frame: from where to where, across and up
 
 // "R cos(q3 - φ) = 0", what follows, and what R and φ are.
 function statement(solved) {
@@ -10,9 +10,7 @@ function statement(solved) {
     box.append(formula(make("p"), one.condition), formula(make("p", "note"), one.solution));
     for (const [title, parts] of [["with", one.where], ["with exact coefficients", one.exact]]) {
       if (!parts.length) continue;
-      const details = make("details");
-      details.append(make("summary", "", title), ...parts.map(([name, text]) => formula(make("p"), `${name} = ${text}`)));
-      box.append(details);
+      box.append(make("details", "", make("summary", "", title), ...parts.map(([name, text]) => formula(make("p"), `${name} = ${text}`))));
     }
   }
   return box;
@@ -23,7 +21,6 @@ class Locus {
   constructor(app, family, q) {
     const { page } = app;
     Object.assign(this, { app, page, family });
-    this.node = make("div", "locus");
     const { involved } = Engine.curveBranch(family, q, page.engine.joints);
     const pair = involved.slice(-2);
     this.menus = pair.map((chosen, k) => {
@@ -34,12 +31,11 @@ class Locus {
       return menu;
     });
     this.shown = pair;
-    const head = make("p", "note");
-    head.append("Where it holds over ", this.menus[0], " and ", this.menus[1], ", the others on their sliders:");
+    const head = make("p", "note", "Where it holds over ", this.menus[0], " and ", this.menus[1], ", the others on their sliders:");
     this.picture = this.make("svg", { viewBox: `0 0 ${LOCUS.wide} ${LOCUS.high}`, role: "img" });
     this.picture.addEventListener("click", (event) => this.clicked(event));
     this.words = make("p", "note");
-    this.node.append(head, this.picture, this.words);
+    this.node = make("div", "locus", head, this.picture, this.words);
     this.draw(q);
   }
 
@@ -60,9 +56,10 @@ class Locus {
 
   get spans() { return this.shown.map((j) => [this.page.joints[j].lower, this.page.joints[j].upper]); }
 
-  x(v) { const [a, b] = this.spans[0]; return LOCUS.left + ((v - a) / (b - a)) * (LOCUS.wide - LOCUS.left - LOCUS.right); }
+  // Where a value of a joint, k = 0 across and 1 up, is in the picture, and the other way round.
+  place(k, v) { const [a, b] = this.spans[k], [from, to] = LOCUS.frame[k]; return from + ((v - a) / (b - a)) * (to - from); }
 
-  y(v) { const [a, b] = this.spans[1]; return LOCUS.high - LOCUS.bottom - ((v - a) / (b - a)) * (LOCUS.high - LOCUS.bottom - LOCUS.top); }
+  value(k, x) { const [a, b] = this.spans[k], [from, to] = LOCUS.frame[k]; return Math.min(b, Math.max(a, a + ((x - from) / (to - from)) * (b - a))); }
 
   draw(q) {
     this.q = q;
@@ -71,13 +68,13 @@ class Locus {
     for (const v of branch.values) held[v.joint] = v.value;
     const lines = Engine.locus(branch.equation, held, i, j, ...spans);
     const text = (k, v) => Engine.valueText(joints[k].prismatic, v, 0);
-    const [left, right] = spans[0].map((v) => this.x(v)), [low, high] = spans[1].map((v) => this.y(v));
-    const path = lines.map((line) => line.map(([a, b], k) => `${k ? "L" : "M"}${this.x(a).toFixed(1)} ${this.y(b).toFixed(1)}`).join("")).join("");
+    const [[left, right], [low, high]] = LOCUS.frame;
+    const path = lines.map((line) => line.map((p, k) => (k ? "L" : "M") + p.map((v, n) => this.place(n, v).toFixed(1)).join(" ")).join("")).join("");
     const label = (k, v, x, y, anchor) => this.make("text", { x, y, "text-anchor": anchor }, v === null ? joints[k].symbol : text(k, v));
     this.picture.replaceChildren(
       this.make("rect", { x: left, y: high, width: right - left, height: low - high }),
       this.make("path", { d: path }),
-      this.make("circle", { cx: this.x(q[i]), cy: this.y(q[j]), r: 4.5 }),
+      this.make("circle", { cx: this.place(0, q[i]), cy: this.place(1, q[j]), r: 4.5 }),
       label(i, spans[0][0], left, low + 14, "start"), label(i, spans[0][1], right, low + 14, "end"),
       label(i, null, (left + right) / 2, low + 14, "middle"),
       label(j, spans[1][0], left - 4, low, "end"), label(j, spans[1][1], left - 4, high + 8, "end"),
@@ -91,10 +88,7 @@ class Locus {
 
   clicked(event) {
     const box = this.picture.getBoundingClientRect();
-    const x = ((event.clientX - box.left) * LOCUS.wide) / box.width, y = ((event.clientY - box.top) * LOCUS.high) / box.height;
-    const [[a, b], [c, d]] = this.spans, inside = (v, low, high) => Math.min(high, Math.max(low, v));
-    const across = a + ((x - LOCUS.left) / (LOCUS.wide - LOCUS.left - LOCUS.right)) * (b - a);
-    const up = c + ((LOCUS.high - LOCUS.bottom - y) / (LOCUS.high - LOCUS.bottom - LOCUS.top)) * (d - c);
-    this.app.pick([[this.shown[0], inside(across, a, b)], [this.shown[1], inside(up, c, d)]]);
+    const at = [((event.clientX - box.left) * LOCUS.wide) / box.width, ((event.clientY - box.top) * LOCUS.high) / box.height];
+    this.app.pick(this.shown.map((joint, k) => [joint, this.value(k, at[k])]));
   }
 }

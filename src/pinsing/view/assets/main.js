@@ -2,13 +2,21 @@
 "use strict";
 
 const SHARPER = [1e6, 1e7]; // terms of equations, one after the other, that a pose at rest is worth
-const PATH_WORDS = { into: "approach", along: "move within" };
+// What can be shown and not: options of the view.
+const SHOWN = { translation: "translation", rotation: "rotation", lost: "what is lost", axis: "axes that depend on each other",
+                axes: "all joint axes", visual: "shapes", bone: "skeleton", floor: "floor" };
 
 class App {
   constructor(page, view, scene, stream = null) {
     this.page = page;
     this.view = view;
     this.view.begin(page.settings, scene);
+    $("shown").append(...Object.entries(SHOWN).map(([option, words]) => {
+      const box = make("input");
+      Object.assign(box, { type: "checkbox", id: `show-${option}`, checked: view.options[option] });
+      box.addEventListener("change", () => view.set(option, box.checked));
+      return make("label", "", box, ` ${words}`);
+    }));
     this.panel = page.mechanism ? new MechanismPanel(this) : new Panel(this);
     this.source = page.mechanism ? new MechanismSource(page) : new EngineSource(page);
     this.stream = stream;
@@ -40,11 +48,6 @@ class App {
     $("play").addEventListener("click", () => this.toggle());
     $("fit").addEventListener("click", () => { this.view.touched = false; this.view.fit([this.view.frame]); });
     $("reset").addEventListener("click", () => this.reset());
-    for (const option of ["translation", "rotation", "lost", "axis", "axes", "visual", "bone", "floor"]) {
-      const box = $(`show-${option}`);
-      box.checked = this.view.options[option];
-      box.addEventListener("change", () => this.view.set(option, box.checked));
-    }
     for (const radio of document.querySelectorAll("input[name=mode]")) {
       radio.checked = radio.value === this.view.options.mode;
       radio.addEventListener("change", () => this.mode(radio.value));
@@ -243,9 +246,8 @@ class App {
     for (const part of ["lines", "notes"]) $(`path-${part}`).replaceChildren(...way[part].map((line) => make("li", "", line)));
     $("path-notes").parentElement.hidden = !way.notes.length;
     $("path-stops").replaceChildren(...way.stops.map(({ t, kind, family }) => {
-      const when = way.timed ? `${t.toFixed(2)} s` : `sample ${Number(t.toFixed(2))}`, button = make("button", kind, `${when}: ${kind} ${kind === "nearest" ? "to " : ""}${family}`);
-      button.addEventListener("click", () => { ++this.turn; this.pause(); this.backOnWay(); this.at(t); });
-      return button;
+      const when = way.timed ? `${t.toFixed(2)} s` : `sample ${Number(t.toFixed(2))}`, words = `${when}: ${kind} ${kind === "nearest" ? "to " : ""}${family}`;
+      return press(kind, "", () => { ++this.turn; this.pause(); this.backOnWay(); this.at(t); }, words);
     }));
   }
 
@@ -348,7 +350,7 @@ class App {
     this.say("computing the path\u2026");
     const frames = await this.source.path(this.entry, Math.max(this.pose, 0), kind);
     if (turn !== this.turn) return;
-    this.say(frames.length ? `${PATH_WORDS[kind]} ${entry.name}` : `no way to ${PATH_WORDS[kind]} ${entry.name} was found here`);
+    this.say(frames.length ? `${PATHS[kind].said} ${entry.name}` : `no way to ${PATHS[kind].said} ${entry.name} was found here`);
     if (!frames.length) return;
     this.player.load(frames, kind);
     this.panel.playing(kind);

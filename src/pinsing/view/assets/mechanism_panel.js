@@ -133,14 +133,13 @@ class MechanismPanel extends Panel {
   menu(assemblies, working) {
     const groups = [["At these inputs (assembly modes)", assemblies], ["At this pose (working modes)", working]];
     $("mode-menu").replaceChildren(...groups.filter(([, modes]) => modes.length > 1 || modes === assemblies).map(([title, modes]) => {
-      const group = make("optgroup");
-      group.label = title;
-      group.append(...modes.map((mode) => {
+      const group = make("optgroup", "", ...modes.map((mode) => {
         const option = make("option", "", mode.name);
         option.value = JSON.stringify(mode.q);
         option.selected = mode.here && modes === assemblies;
         return option;
       }));
+      group.label = title;
       return group;
     }));
   }

@@ -3,10 +3,19 @@
 
 const $ = (id) => document.getElementById(id);
 
-function make(tag, className, text) {
+// An element and what it holds: words, or other elements.
+function make(tag, className = "", ...content) {
   const node = document.createElement(tag);
   if (className) node.className = className;
-  if (text !== undefined) node.textContent = text;
+  node.append(...content);
+  return node;
+}
+
+// A button and what it does.
+function press(className, title, action, ...content) {
+  const node = make("button", className, ...content);
+  node.title = title;
+  node.addEventListener("click", action);
   return node;
 }
 
@@ -58,6 +67,12 @@ const ROUNDED_AWAY = "singular if the rounded numbers of the file";
 
 const WORDS = { singular: "Singular", "near-singular": "Near-singular", regular: "Regular" };
 
+// What is played from an entry: on its button, of the button, and while it plays.
+const PATHS = {
+  into: { button: "\u25b6 approach", title: "From a regular configuration into this one", said: "approach" },
+  along: { button: "\u25b6 move within", title: "Within the family, singular all the way", said: "move within" },
+};
+
 // What is read at an arm: label, title, and where it goes.
 const ARM_NUMBERS = [
   ["ratio", "\u03c3_min/\u03c3_max", "Smallest singular value over the largest: 0 at a singularity"],
@@ -80,13 +95,10 @@ class Panel {
     this.head();
     this.keys();
     $("numbers").replaceChildren(...this.numbers().map(([id, label, title]) => {
-      const box = make("div");
-      const name = make("dt", "", label);
-      name.title = title;
-      const value = make("dd");
-      value.id = id;
-      box.append(name, value);
-      return box;
+      const name = make("dt", "", label), value = make("dd");
+      Object.assign(name, { title });
+      Object.assign(value, { id });
+      return make("div", "", name, value);
     }));
     $("scale").textContent = this.scale();
     const own = this.ownScale();
@@ -146,31 +158,18 @@ class Panel {
   entries() {
     if (this.page.entries.every((entry) => entry.given)) $("entries").append(make("li", "note", this.noEntries()));
     this.items = this.page.entries.map((entry, index) => {
-      const item = make("li", entry.poses ? "" : "away");
-      const button = make("button", "entry");
-      button.disabled = !entry.poses;
-      const text = make("span", "text");
-      text.append(make("b", "", entry.name), formula(make("span"), entry.text));
-      button.append(text, formula(make("span", "more"), entry.more.join(" \u00b7 ")));
-      if (entry.reason) button.title = entry.reason;
-      button.addEventListener("click", () => this.app.choose(index, 0));
-      const row = make("div", "actions");
+      const { name, poses, titles } = entry, text = make("span", "text", make("b", "", name), formula(make("span"), entry.text));
+      const more = formula(make("span", "more"), entry.more.join(" \u00b7 "));
+      const button = press("entry", entry.reason, () => this.app.choose(index, 0), text, more);
+      const row = make("div", "actions"), item = make("li", poses ? "" : "away", button, row);
+      button.disabled = !poses;
       row.hidden = true;
-      for (let k = 0; k < entry.poses; k++) {
-        if (entry.poses === 1) break;
-        const pose = make("button", "pose", k ? String(k + 1) : "pose 1");
-        pose.title = entry.titles ? entry.titles[k] : `Pose ${k + 1} of ${entry.name}`;
-        pose.addEventListener("click", () => this.app.choose(index, k));
-        row.append(pose);
+      for (let k = 0; poses > 1 && k < poses; k++) {
+        row.append(press("pose", titles?.[k] ?? `Pose ${k + 1} of ${name}`, () => this.app.choose(index, k), k ? k + 1 : "pose 1"));
       }
-      for (const [kind, words] of [["into", "\u25b6 approach"], ["along", "\u25b6 move within"]]) {
-        if (!entry[kind]) continue;
-        const play = make("button", `path ${kind}`, words);
-        play.title = kind === "into" ? "From a regular configuration into this one" : "Within the family, singular all the way";
-        play.addEventListener("click", () => this.app.playOrPause(kind));
-        row.append(play);
+      for (const [kind, { button: words, title }] of Object.entries(PATHS)) {
+        if (entry[kind]) row.append(press(`path ${kind}`, title, () => this.app.playOrPause(kind), words));
       }
-      item.append(button, row);
       if (entry.solved?.length) {
         const box = statement(entry.solved);
         box.hidden = true;
@@ -192,9 +191,7 @@ class Panel {
 
   // A button for the poses where this entry's family meets another.
   meets(entry, found) {
-    const button = make("button", "meet", `meets ${found.name}`);
-    button.title = "A pose on both; once more for the next";
-    button.addEventListener("click", () => this.app.meet(entry, found));
+    const button = press("meet", "A pose on both; once more for the next", () => this.app.meet(entry, found), `meets ${found.name}`);
     this.items[entry].querySelector(".actions").append(button);
   }
 
@@ -216,8 +213,7 @@ class Panel {
     this.rows = this.listed.map((joint, index) => {
       const found = this.row(index, true);
       found.row.classList.add("named");
-      const name = make("span", "name");
-      name.append(formula(make("b"), joint.symbol), make("small", "", joint.name === joint.symbol ? "" : joint.name.slice(common)));
+      const name = make("span", "name", formula(make("b"), joint.symbol), make("small", "", joint.name === joint.symbol ? "" : joint.name.slice(common)));
       found.row.querySelector(".name").replaceWith(name);
       found.value.after(make("small", "limits", this.limits(joint)));
       $("joints").append(found.row);
@@ -316,9 +312,8 @@ class Panel {
     for (const [id] of ARM_NUMBERS) $(id).textContent = number(found[id]);
     const zero = frame.status === "singular";
     $("bars").replaceChildren(...frame.sigma.slice(0, frame.genericRank).map((s, i) => {
-      const bar = make("div", zero && i >= frame.rank ? "zero" : "");
+      const none = zero && i >= frame.rank, bar = make("div", none ? "zero" : "", make("span", "", none ? "0" : number(Number(s.toPrecision(2)))));
       bar.style.height = `${(100 * s) / frame.sigma[0]}%`;
-      bar.append(make("span", "", zero && i >= frame.rank ? "0" : number(Number(s.toPrecision(2)))));
       return bar;
     }));
     $("speeds").textContent = frame.speeds ? this.speeds(frame.speeds) : "";

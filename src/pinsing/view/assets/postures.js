@@ -8,14 +8,10 @@ class Postures {
     $("postures-box").hidden = !postures.length;
     $("postures-count").textContent = postures.length ? `(${postures.length})` : "";
     this.items = postures.map((posture, k) => {
-      const item = make("li"), button = make("button", "entry");
-      const text = make("span", "text");
-      text.append(make("b", "", String(k + 1)), make("span", "", posture.name));
-      button.append(text, make("span", "more", posture.more));
-      button.title = posture.way ? "Play the way to it" : "Show it";
+      const text = make("span", "text", make("b", "", k + 1), make("span", "", posture.name));
       if (posture.way) text.append(make("span", "way", " \u25b6"));
-      button.addEventListener("click", () => this.choose(k));
-      item.append(button);
+      const title = posture.way ? "Play the way to it" : "Show it";
+      const item = make("li", "", press("entry", title, () => this.choose(k), text, make("span", "more", posture.more)));
       $("postures").append(item);
       return item;
     });
@@ -30,7 +26,6 @@ class Postures {
     else {
       const frames = way.map((row) => app.source.compute(row));
       app.showWay(frames, (f) => (f.verdict ? f.verdict.lower : Infinity));
-      this.playable = true;
     }
     this.mark(k);
     app.say(`posture ${k + 1}: ${name}; ${more}`);

@@ -13,6 +13,12 @@ function* commandsOf(bytes) {
   }
 }
 
+// The point at a length along axis k of what is at `at` with a turn.
+function along(at, turn, length, k = 2) {
+  const { Vector3, Quaternion } = MeshCat.THREE, way = new Vector3().setComponent(k, length).applyQuaternion(new Quaternion(...turn));
+  return way.add(new Vector3(...at)).toArray();
+}
+
 class SceneView {
   constructor(element) {
     this.element = element;
@@ -201,18 +207,12 @@ class SceneView {
       for (const part of ["arrow", "ring", "line"]) this.node(`lost/${k}/${part}`).visible = Boolean(m && m[part]);
       if (!m) continue;
       this.place(`lost/${k}`, m.at, m.turn);
-      const ends = [1, -1].map((way) => this.end(m, (m.arrow ? 0.27 : 0.18) * way));
+      const ends = [1, -1].map((way) => along(m.at, m.turn, (m.arrow ? 0.27 : 0.18) * way * this.settings.reach));
       // The label stands at the end that is away from the arm.
       const near = (end) => Math.min(...this.frame.links.map((l) => Math.hypot(end[0] - l[0], end[1] - l[1], end[2] - l[2])));
       marks.push({ at: m.arrow && near(ends[1]) > near(ends[0]) + 1e-6 ? ends[1] : ends[0], text: m.label });
     }
     return marks;
-  }
-
-  // The point at a share of the reach along the z of what is at `at` with a turn.
-  end({ at, turn }, share) {
-    const v = new MeshCat.THREE.Vector3(0, 0, share * this.settings.reach).applyQuaternion(new MeshCat.THREE.Quaternion(...turn));
-    return [at[0] + v.x, at[1] + v.y, at[2] + v.z];
   }
 
   // Motions of a mechanism that its actuators do not hold.
@@ -224,7 +224,7 @@ class SceneView {
       this.node(`free/${kind}`).visible = seen;
       if (!seen) continue;
       this.place(`free/${kind}`, arrow.at, arrow.turn);
-      marks.push({ at: this.end(arrow, length), text: "not held", free: true });
+      marks.push({ at: along(arrow.at, arrow.turn, length * this.settings.reach), text: "not held", free: true });
     }
     return marks;
   }
@@ -236,8 +236,7 @@ class SceneView {
 
   // Points, in the axes of three.js (y up), that a picture of a frame should have in it.
   outline(frame) {
-    const { Vector3, Quaternion } = MeshCat.THREE;
-    const tip = new Vector3(...frame.tip);
+    const { Vector3 } = MeshCat.THREE;
     this.show(frame);
     this.viewer.scene.updateMatrixWorld(true);
     const out = [new Vector3(), yUp(frame.tip), ...frame.links.map(yUp)];
@@ -250,19 +249,11 @@ class SceneView {
         out.push(new Vector3(x, y, z).applyMatrix4(o.matrixWorld));
       }
     });
-    const along = (turn, k, length) => {
-      const v = new Vector3().setComponent(k, length).applyQuaternion(new Quaternion(...turn));
-      for (const end of [tip.clone().add(v), tip.clone().sub(v)]) out.push(yUp(end.toArray()));
-    };
-    for (const kind of ["translation", "rotation"]) {
-      const e = frame.ellipsoids[this.options.mode][kind];
-      e.drawn.forEach((length, k) => along(e.turn, k, length));
+    const bars = this.symbols(frame).map(({ at, turn }) => [at, turn, 0.27 * this.settings.reach, 2]);
+    for (const { turn, drawn } of Object.values(frame.ellipsoids[this.options.mode])) {
+      drawn.forEach((length, k) => bars.push([frame.tip, turn, length, k]));
     }
-    for (const m of this.symbols(frame)) {
-      const end = new Vector3(0, 0, 0.27 * this.settings.reach).applyQuaternion(new Quaternion(...m.turn));
-      const middle = new Vector3(...m.at);
-      for (const at of [middle.clone().add(end), middle.clone().sub(end)]) out.push(yUp(at.toArray()));
-    }
+    for (const [at, turn, length, k] of bars) for (const way of [1, -1]) out.push(yUp(along(at, turn, way * length, k)));
     return out;
   }
 
@@ -318,12 +309,10 @@ class SceneView {
   // Where to look from: obliquely at the flat ellipsoid, so that it is seen to be flat, with the
   // tool in front of the arm; from the usual side where nothing is flat.
   side(frames, points, usual) {
-    const { Vector3, Quaternion } = MeshCat.THREE;
-    const frame = frames[frames.length - 1], chosen = frame.ellipsoids[this.options.mode];
-    const flats = frame.free ? [] : ["translation", "rotation"].flatMap((kind) =>
-      (this.options[kind] && chosen[kind].flat !== null ? [new Vector3(0, 0, 1).applyQuaternion(new Quaternion(...chosen[kind].flat))] : []));
+    const { Vector3 } = MeshCat.THREE, frame = frames[frames.length - 1], chosen = frame.ellipsoids[this.options.mode];
+    const flats = frame.free ? [] : ["translation", "rotation"].filter((kind) => this.options[kind] && chosen[kind].flat !== null);
     if (!flats.length) return usual;
-    const normals = flats.map((v) => yUp(v.toArray())), tip = yUp(frame.tip);
+    const normals = flats.map((kind) => yUp(along([0, 0, 0], chosen[kind].flat, 1))), tip = yUp(frame.tip);
     const middle = points.reduce((sum, p) => sum.add(p), new Vector3()).multiplyScalar(1 / points.length);
     const out = tip.clone().sub(middle).divideScalar(this.settings.reach);
     const sides = [];
@@ -348,28 +337,21 @@ class SceneView {
     return new Raycaster(from, side, 0, 10 * this.settings.reach).intersectObjects(meshes, false).length === 0;
   }
 
-  // The way of the tip, coloured by clearance.
+  // The way of the tip, coloured by clearance: red where a family is near, green where it is far (three
+  // degrees, thirty).
   trail(points) {
-    const { LineBasicMaterial, Line } = MeshCat.THREE;
+    const { BufferGeometry, Float32BufferAttribute, LineBasicMaterial, Line } = MeshCat.THREE, geometry = new BufferGeometry();
+    const colors = points.map(({ clearance }) => {
+      const t = Math.min(1, Math.max(0, Math.log10(Math.max(clearance, 1e-6) / 0.052)));
+      return [0.8 * (1 - t), 0.15 + 0.45 * t, 0.15 + 0.25 * t];
+    });
+    geometry.setAttribute("position", new Float32BufferAttribute(points.flatMap(({ at }) => at), 3));
+    geometry.setAttribute("color", new Float32BufferAttribute(colors.flat(), 3));
     this.drawnTrail?.parent.remove(this.drawnTrail);
     this.drawnTrail?.geometry.dispose();
-    this.drawnTrail = new Line(this.coloured(points), new LineBasicMaterial({ vertexColors: true }));
+    this.drawnTrail = new Line(geometry, new LineBasicMaterial({ vertexColors: true }));
     this.viewer.scene_tree.find(["pinsing"]).object.add(this.drawnTrail);
     this.viewer.set_dirty();
-  }
-
-  // Red where a family is near, green where it is far (three degrees, thirty).
-  coloured(points) {
-    const { BufferGeometry, Float32BufferAttribute } = MeshCat.THREE, places = [], colors = [];
-    for (const { at, clearance } of points) {
-      places.push(...at);
-      const t = Math.min(1, Math.max(0, Math.log10(Math.max(clearance, 1e-6) / 0.052)));
-      colors.push(0.8 * (1 - t), 0.15 + 0.45 * t, 0.15 + 0.25 * t);
-    }
-    const geometry = new BufferGeometry();
-    geometry.setAttribute("position", new Float32BufferAttribute(places, 3));
-    geometry.setAttribute("color", new Float32BufferAttribute(colors, 3));
-    return geometry;
   }
 
   // A picture that stays: what a printer gets, for which a view is not drawn again.
