@@ -11,8 +11,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
     "Python in src: statements": (37_753, 30_000),
-    "Python in src: lines": (72_021, 56_000),
-    "C++, JavaScript, templates, styles: lines": (12_396, 9_500),
+    "Python in src: lines": (72_016, 56_000),
+    "C++, JavaScript, templates, styles: lines": (12_304, 9_500),
     "modules": (206, 220),
     "packages directly under pinsing": (16, 16),
     "numbers in module constants": (497, 500),

@@ -109,14 +109,12 @@ class MechanismApp extends App {
   // be many steps from the one before, so a worker takes them.
   async follow(name, all) {
     const count = all.length, step = Math.max(1, Math.ceil(count / 400)), rows = all.filter((_, i) => i % step === 0 || i === count - 1);
-    const turn = ++this.turn, { engine } = this.page, begin = this.view.frame.q;
+    const turn = ++this.turn;
     this.say(`${name}: following the inputs\u2026`);
-    const found = await this.source.beside("followInputs", begin, rows);
+    const found = await this.source.beside("followInputs", this.view.frame.q, rows);
     if (!found || turn !== this.turn) return;
-    const { path, row, beyond, found: last } = found;
-    const why = beyond ? Engine.beyondWords(engine, rows[row], beyond)
-      : last ? this.source.refused(rows[row], path.length ? path[path.length - 1] : begin, last) : "";
-    const end = why ? `; sample ${Math.round((row * (count - 1)) / Math.max(1, rows.length - 1)) + 1}: ${why}` : "";
+    const { path, row, said } = found;
+    const end = said && `; sample ${Math.round((row * (count - 1)) / Math.max(1, rows.length - 1)) + 1}: ${said}`;
     if (!path.length) { this.say(`${name}${end}`); return; }
     const frames = path.map((q) => this.source.compute(q));
     const measure = (f) => Math.min(f.one, f.two, f.constraint), worst = frames.reduce((a, b) => (measure(b) < measure(a) ? b : a));

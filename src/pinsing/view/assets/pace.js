@@ -19,14 +19,13 @@ class Pace {
     if (this.watching || document.hidden) return;
     this.watching = true;
     if (this.slow) this.ratio(PACE.coarse); // it was the last time
-    const gaps = [];
-    let before = 0;
+    let before = null, late = 0;
     const look = (at) => {
       if (performance.now() - this.last > PACE.rest) { this.watching = false; this.full(); return; }
-      if (before) gaps.push(at - before);
+      const gap = at - (before ?? at);
+      late = gap > PACE.slow ? late + 1 : 0;
       before = at;
-      const recent = gaps.slice(-PACE.looks);
-      if (!this.coarse && (recent.at(-1) > PACE.stuck || recent.length === PACE.looks && Math.min(...recent) > PACE.slow)) {
+      if (!this.coarse && (gap > PACE.stuck || late >= PACE.looks)) {
         this.slow = true;
         this.ratio(PACE.coarse);
       }

@@ -92,20 +92,8 @@ class MechanismSource extends EngineSource {
   // Frame where the mechanism gets to from a closed q on the way to new inputs; `refused` says where it
   // stopped, and why.
   driven(q, inputs) {
-    const { engine } = this.page, { wanted, beyond } = Engine.withinInputs(engine, inputs);
-    const found = Engine.driven(engine, wanted, q), frame = this.compute(found.q);
-    const over = beyond.length ? Engine.beyondWords(engine, inputs, beyond) : "";
-    if (found.reached < 1) frame.refused = `${over && `${over}. `}${this.refused(wanted, q, found)}`;
-    else if (over) frame.refused = `${over}; the mechanism stays there.`;
-    return frame;
-  }
-
-  refused(wanted, before, { q, stop }) {
-    const { engine } = this.page, far = wanted.map((v, k) => Math.abs(v - before[engine.actuated[k]]));
-    if (stop?.why === "far") return `refused: the value of ${engine.joints[stop.joint].name} is too large; ${Engine.stopWords(engine, stop)}. The mechanism stays where it was.`;
-    const k = far.indexOf(Math.max(...far)), index = engine.actuated[k];
-    return `infeasible: ${engine.joints[index].name} = ${Engine.inputText(engine, k, wanted[k])}. In this mode the loops close ` +
-      `up to ${Engine.inputText(engine, k, q[index], 2)}, the others held (${Engine.stopWords(engine, stop)}); the mechanism stays there.`;
+    const { q: there, said } = Engine.inputsLed(this.page.engine, inputs, q);
+    return { ...this.compute(there), refused: said };
   }
 
   // The same with the output led to a pose; k: the coordinate that was moved.

@@ -97,4 +97,3 @@ function notes(data, q, ratio) {
     ? [`singular if the rounded numbers of the file are made exact (nominal geometry): ratio ${there.ratio.toExponential(1)} there`]
     : [];
 }
-

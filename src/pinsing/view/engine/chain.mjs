@@ -26,9 +26,6 @@ export function placements(chain, q) {
 export const frameOf = (frame, places) =>
   (frame.parent < 0 ? { R: frame.R, t: frame.t } : after(places[frame.parent], frame));
 
-// Placement of the tip.
-export const tipOf = (chain, places) => frameOf(chain.tip, places);
-
 const after = (a, b) => ({ R: product(a.R, b.R), t: add(times(a.R, b.t), a.t) });
 
 // Frame Jacobian (6 x n) of a frame { parent, R, t }, by default the tip: rows vx, vy, vz, wx, wy, wz in

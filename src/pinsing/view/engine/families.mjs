@@ -1,10 +1,106 @@
-// Families of singular configurations: equations, points on them, where two meet and where a motion crosses them.
+// Families of singular configurations: equations, points on them, where two meet, where a motion crosses them,
+// and their curves over two joints.
 //
-// A family is { branches: [{ values: [{ joint, value }], equations }] }, its equations those of `sums.mjs`.
+// A family is { branches: [{ values: [{ joint, value }], equations }] }. An equation holds amplitude, phase (T),
+// rate, power (T x n, power null where no joint in it slides), noise, reach, curvature and size as the program's
+// `TrigSum`: sum of amplitude prod q^power cos(phase + rate . q). On boxes: how far it can be off its linear part.
 
 import { spanOf, turnedInto } from "./limits.mjs";
 import { leastNorm, norm } from "./linear.mjs";
-import { evaluate, freeOf } from "./sums.mjs";
+
+const known = new WeakMap(), plain = new WeakMap(); // of a branch, of an equation: made once
+
+// Joints (mask) that occur in the equations of a branch.
+export const freeOf = ({ equations }, n) => Array.from({ length: n }, (_, j) =>
+  equations.some((e) => e.rate.some((r) => r[j]) || e.power?.some((p) => p[j])));
+
+// Value and gradient of an equation at q (n), and the error of the value.
+export function evaluate(equation, q) {
+  if (!plain.has(equation)) plain.set(equation, [sumOf(equation, q.map((_, j) => j), q.map(() => 1)), room(q.length)]);
+  const [sum, at] = plain.get(equation);
+  sumAt(sum, q, null, at);
+  return { value: at.value, gradient: Array.from(at.g), error: at.error };
+}
+
+// { joints, sums, at }: the joints that occur, and the equations with joints numbered as in `joints`, in
+// weighted coordinates x = w q, in which distances are plain norms.
+export function sumsOf(branch, weight) {
+  const before = known.get(branch);
+  if (before && before.weight.every((w, j) => w === weight[j])) return before;
+  const joints = freeOf(branch, weight.length).flatMap((on, j) => (on ? [j] : []));
+  const sums = branch.equations.map((e) => sumOf(e, joints, weight)), at = sums.map(() => room(joints.length));
+  const made = { joints, sums, at, weight: weight.slice(), terms: sums.reduce((n, s) => n + s.amplitude.length, 0) };
+  known.set(branch, made);
+  return made;
+}
+
+const room = (d) => ({ value: 0, error: 0, rest: 0, size: 0, g: new Float64Array(d), bend: new Float64Array(d) });
+
+function sumOf({ amplitude: sizes, phase, rate: rates, power: powers, noise, reach }, joints, weight) {
+  const amplitude = sizes.slice(), rateStart = [0], rateJoint = [], rate = [], powerStart = [0], powerJoint = [], power = [];
+  rates.forEach((row, t) => {
+    joints.forEach((j, k) => {
+      const p = powers ? powers[t][j] : 0;
+      if (row[j]) { rateJoint.push(k); rate.push(row[j] / weight[j]); }
+      if (p) { powerJoint.push(k); power.push(p); amplitude[t] /= weight[j] ** p; }
+    });
+    rateStart.push(rate.length);
+    powerStart.push(power.length);
+  });
+  return { amplitude, phase, rateStart, rateJoint, rate, powerStart, powerJoint, power, noise, reach };
+}
+
+// A sum at x (d), into `out`; with half-widths h (d), else null, also the rest of its linear part in the box
+// and how much each joint adds to that. `error` is that of rounding.
+export function sumAt(sum, x, h, out) {
+  const { amplitude, phase, rateStart, rateJoint, rate, powerStart, powerJoint, power } = sum, { g, bend } = out;
+  let value = 0, rest = 0, size = 0, farthest = 4;
+  g.fill(0);
+  bend.fill(0);
+  for (let t = 0; t < amplitude.length; t++) {
+    const r0 = rateStart[t], r1 = rateStart[t + 1], p0 = powerStart[t], p1 = powerStart[t + 1];
+    let angle = phase[t], swing = 0;
+    for (let k = r0; k < r1; k++) {
+      const j = rateJoint[k];
+      angle += rate[k] * x[j];
+      farthest = Math.max(farthest, Math.abs(x[j]));
+      if (h) swing += Math.abs(rate[k]) * h[j];
+    }
+    const s = Math.sin(angle), c = Math.cos(angle);
+    let now = amplitude[t], largest = amplitude[t], magnitude = amplitude[t], first = 0, squares = 0;
+    for (let k = p0; k < p1; k++) now *= x[powerJoint[k]] ** power[k];
+    value += now * c;
+    for (let k = r0; k < r1; k++) g[rateJoint[k]] -= now * s * rate[k];
+    for (let k = p0; k < p1; k++) {
+      const j = powerJoint[k], half = h ? h[j] : 0, a = Math.max(Math.abs(x[j]) + half, 1e-150);
+      let lowered = amplitude[t] * power[k];
+      for (let m = p0; m < p1; m++) lowered *= x[powerJoint[m]] ** (m === k ? power[m] - 1 : power[m]);
+      g[j] += lowered * c;
+      largest *= a ** power[k];
+      magnitude *= Math.max(a, 1) ** power[k];
+      first += power[k] * (half / a);
+      squares += power[k] * (half / a) ** 2;
+    }
+    size += magnitude;
+    if (!h) continue;
+    // Second derivatives of p cos are p'' cos - 2 p' sin - p cos, and the angle is within `swing` of its
+    // value in the middle, so that |cos| and |sin| are too.
+    const even = Math.min(Math.abs(c) + swing, 1), odd = Math.min(Math.abs(s) + swing, 1);
+    rest += 0.5 * largest * (even * (swing * swing + Math.max(first * first - squares, 0)) + odd * 2 * swing * first);
+    for (let k = r0; k < r1; k++) {
+      const j = rateJoint[k];
+      bend[j] += largest * Math.abs(rate[k]) * h[j] * (even * swing + odd * first);
+    }
+    for (let k = p0; k < p1; k++) {
+      const j = powerJoint[k], a = Math.max(Math.abs(x[j]) + h[j], 1e-150);
+      bend[j] += largest * power[k] * (h[j] / a) * (odd * swing + even * first);
+    }
+  }
+  out.value = value;
+  out.size = size;
+  out.error = size * (sum.noise + 4.5e-16 * sum.reach * farthest);
+  out.rest = rest * (1 + 1e-12) + 2 * out.error;
+}
 
 const ON = 1e-13, TOUCHING = 1e-12, FULL = 2 * Math.PI;
 
@@ -71,27 +167,29 @@ export function meetings(family, q, j, low, high, prismatic) {
 
 // Zeros of an equation as joint j alone goes from low to high: split where the curvature bound
 // leaves room, so that none that crosses is passed over.
-export function zerosAlong(equation, q, j, low, high) {
+function zerosAlong(equation, q, j, low, high) {
   const degree = 2 * Math.max(0, ...equation.rate.map((r) => Math.abs(r[j])), ...(equation.power ?? []).map((p) => p[j]));
-  if (!degree) return [];
-  const x = q.slice(), at = (v) => { x[j] = v; return evaluate(equation, x).value; };
-  const pieces = Math.max(16, Math.ceil(8 * degree * Math.max(1, (high - low) / Math.PI)));
-  const out = [], flat = 1e-12 * equation.size;
-  let a = low, fa = at(a), zero = Math.abs(fa) <= flat;
+  const x = q.slice(), at = (v) => { x[j] = v; return evaluate(equation, x).value; }, flat = 1e-12 * equation.size;
   const everywhere = [0.11, 0.37, 0.71, 0.93].every((s) => Math.abs(at(low + s * (high - low))) <= flat);
-  if (everywhere) return [];
-  if (zero) out.push(a);
+  return degree && !everywhere ? zerosOf(at, low, high, Math.max(16, Math.ceil(8 * degree * Math.max(1, (high - low) / Math.PI))), flat) : [];
+}
+
+// Zeros of f from `low` to `high`: where its sign changes from one of `pieces` to the next, or it is flat.
+function zerosOf(f, low, high, pieces, flat) {
+  const out = [], zero = (value) => Math.abs(value) <= flat;
+  let a = low, fa = f(a);
+  if (zero(fa)) out.push(a);
   for (let k = 1; k <= pieces; k++) {
-    const b = low + ((high - low) * k) / pieces, fb = at(b);
-    if (Math.abs(fb) <= flat) out.push(b);
-    else if (!zero && fa * fb < 0) out.push(bisect(at, a, b, fa));
-    a = b; fa = fb; zero = Math.abs(fb) <= flat;
+    const b = low + ((high - low) * k) / pieces, fb = f(b);
+    if (zero(fb)) out.push(b);
+    else if (!zero(fa) && fa * fb < 0) out.push(bisect(f, a, b, fa));
+    a = b; fa = fb;
   }
   return out;
 }
 
 // Zero of f between a and b, where its sign changes; fa is f(a).
-export function bisect(f, a, b, fa, steps = 60) {
+function bisect(f, a, b, fa, steps = 60) {
   for (let k = 0; k < steps; k++) {
     const m = (a + b) / 2, fm = f(m);
     if (fm === 0) return m;
@@ -138,14 +236,7 @@ function passed(a, b, prismatic) {
 function changes(equation, a, b, joints, lengthScale) {
   const far = Math.max(...a.map((v, j) => Math.abs(b[j] - v) / (joints[j].prismatic ? lengthScale : 1)));
   const looks = Math.min(MOST, Math.max(1, Math.ceil(far / LOOK)));
-  const valueAt = (part) => evaluate(equation, a.map((v, j) => v + part * (b[j] - v))).value, out = [];
-  let before = valueAt(0);
-  for (let i = 1; i <= looks; i++) {
-    const now = valueAt(i / looks);
-    if (before * now < 0) out.push(bisect(valueAt, (i - 1) / looks, i / looks, before));
-    before = now;
-  }
-  return out;
+  return zerosOf((part) => evaluate(equation, a.map((v, j) => v + part * (b[j] - v))).value, 0, 1, looks, -1);
 }
 
 const SAME = 1e-3, SLACK = 1e-9;
@@ -199,6 +290,48 @@ function spread(found, count, far) {
   while (out.length < Math.min(count, found.length)) {
     const gap = (x) => Math.min(...out.map((y) => far(x, y)));
     out.push(found.filter((x) => !out.includes(x)).reduce((a, b) => (gap(b) > gap(a) ? b : a)));
+  }
+  return out;
+}
+
+const BISECTED = 16; // times, a side of a square
+
+// The branch of a family that q is nearest to by its joint values, with the joints of its equation;
+// null where none has a single equation in two joints or more.
+export function curveBranch(family, q, joints) {
+  let best = null, least = Infinity;
+  for (const branch of family.branches) {
+    if (branch.equations.length !== 1) continue;
+    const involved = freeOf(branch, q.length).flatMap((on, j) => (on ? [j] : []));
+    const off = branch.values.reduce((sum, v) => sum + Math.abs(apart(q[v.joint], v.value, joints[v.joint].prismatic)), 0);
+    if (involved.length >= 2 && off < least) { least = off; best = { equation: branch.equations[0], involved, values: branch.values }; }
+  }
+  return best;
+}
+
+// Segments [[a, b], [c, d]] of the curve over joint i in `across` and joint j in `up`, each [from, to]:
+// squares of a grid whose corners differ in sign.
+export function locus(equation, q, i, j, across, up, steps = 72) {
+  const x = q.slice(), at = (u, v) => { x[i] = u; x[j] = v; return evaluate(equation, x).value; };
+  const place = ([from, to], k) => from + ((to - from) * k) / steps;
+  const grid = [...Array(steps + 1).keys()].map((a) =>
+    [...Array(steps + 1).keys()].map((b) => at(place(across, a), place(up, b))));
+  const out = [];
+  for (let a = 0; a < steps; a++) for (let b = 0; b < steps; b++) {
+    const corners = [[a, b], [a + 1, b], [a + 1, b + 1], [a, b + 1]], ends = [];
+    corners.forEach(([c, d], k) => {
+      const [e, f] = corners[(k + 1) % 4], one = grid[c][d];
+      if (one < 0 === grid[e][f] < 0) return;
+      const on = (t) => [place(across, c + t * (e - c)), place(up, d + t * (f - d))];
+      ends.push(on(bisect((t) => at(...on(t)), 0, 1, one, BISECTED)));
+    });
+    if (ends.length === 2) out.push(ends);
+    else if (ends.length === 4) {
+      // A saddle: which corners belong together is what the middle says.
+      const middle = at((place(across, a) + place(across, a + 1)) / 2, (place(up, b) + place(up, b + 1)) / 2);
+      const same = middle < 0 === grid[a][b] < 0;
+      out.push(same ? [ends[0], ends[1]] : [ends[3], ends[0]], same ? [ends[2], ends[3]] : [ends[1], ends[2]]);
+    }
   }
   return out;
 }

@@ -12,10 +12,15 @@ export function turnedInto([low, high], value, prismatic) {
   return value - TURN * Math.round((value - (low + high) / 2) / TURN);
 }
 
-// Names of the joints outside their limits, as their values are: no whole turn is taken off.
-export function outside(data, q) {
-  return data.joints.filter(({ lower, upper }, i) => q[i] < (lower ?? -Infinity) - SLACK || q[i] > (upper ?? Infinity) + SLACK).map((joint) => joint.name);
+export const endsOf = ({ lower, upper }) => [lower ?? -Infinity, upper ?? Infinity];
+
+export function isOutside(joint, value) {
+  const [low, high] = endsOf(joint);
+  return value < low - SLACK || value > high + SLACK;
 }
+
+// Names of the joints outside their limits, as their values are: no whole turn is taken off.
+export const outside = (data, q) => data.joints.filter((joint, i) => isOutside(joint, q[i])).map((joint) => joint.name);
 
 // Whether a value of a limited revolute joint makes sense in degrees only: more than a turn beyond a limit,
 // and within both if read as degrees.

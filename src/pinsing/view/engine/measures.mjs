@@ -1,6 +1,6 @@
 // What is read off a configuration and its Jacobian: singular values, verdict, ellipsoids, tip speeds.
 
-import { jacobian, placements, tipOf } from "./chain.mjs";
+import { frameOf, jacobian, placements } from "./chain.mjs";
 import { combinations, cross, dot, norm, nullVector, product, scaled, svd, times, transpose } from "./linear.mjs";
 
 // Rows of the task, translations over the length scale; R is the rotation of the tip, whose axes
@@ -98,7 +98,7 @@ export function rankOf(columns, zero) {
 // Kinematics and verdict at q (n): the part that is cheap.
 export function measure(data, q) {
   const { task, judge } = data;
-  const places = placements(data.chain, q), tip = tipOf(data.chain, places);
+  const places = placements(data.chain, q), tip = frameOf(data.chain.tip, places);
   const J = jacobian(data.chain, places), Js = taskRows(J, task, tip.R);
   const at = svd(Js), own = ownScale(data) ? { Js, ...at } : ownTask(data, J, tip.R);
   return { places, tip, J, sigma: at.sigma, own, ...verdictOf(own.sigma, task.rank, judge) };

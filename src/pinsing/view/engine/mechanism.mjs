@@ -1,4 +1,10 @@
-// What a mechanism can do at a closed configuration: type of singularity, modes, velocities.
+// A mechanism: its closed loops, Newton's way to close them, and what it can do at a closed configuration:
+// type of singularity, modes, velocities.
+//
+// `data` is the "engine" part of a mechanism's page: { chain (its tip is the output), loops:
+// [{ kind, a, b }] of frames { parent, R, t }, task: { rows, lengthScale }, metric (what counts as one
+// radian, per joint), joints, actuated, ranks: { constraint, mobility, output }, judge, home, assembly,
+// balls, elbows, legs, normal, sizes }. Everything below is without units: lengths over the length scale.
 //
 // With N a basis of the motions that the loops allow, inputs move as S N and the output as J N (S picks
 // the actuated joints): type 1 where J N loses rank, type 2 where S N does, type 3 both, a constraint
@@ -6,8 +12,88 @@
 // and B. Benhabib, 1995).
 
 import { frameOf, jacobian, placements } from "./chain.mjs";
-import { cross, determinant, dot, identity, leastNorm, norm, subtract, svd, times, transpose } from "./linear.mjs";
-import { closure, output, worst } from "./loops.mjs";
+import { generator } from "./families.mjs";
+import { cross, determinant, dot, identity, leastNorm, norm, product, rotationVector, scaled, subtract, svd, times, transpose } from "./linear.mjs";
+
+export const CLOSED = 1e-11; // a residual up to this counts as closed
+const ROWS = { planar: 2, "3d": 3, "6d": 6 }, FULL = 2 * Math.PI;
+
+// Residual (k) and constraint Jacobian G (k x n) at q (n). Rows of a loop are in the axes of its first
+// frame, translations before rotations. `columns`: Jacobian of a frame.
+export function closure(data, q, columns = jacobian) {
+  const places = placements(data.chain, q), L = data.task.lengthScale, residual = [], G = [];
+  for (const { kind, a, b } of data.loops) {
+    const A = frameOf(a, places), B = frameOf(b, places), inA = transpose(A.R);
+    const Ja = columns(data.chain, places, a), Jb = columns(data.chain, places, b);
+    const gap = scaled(times(inA, subtract(B.t, A.t)), 1 / L);
+    if (kind === "6d") gap.push(...rotationVector(product(inA, B.R)));
+    for (let i = 0; i < ROWS[kind]; i++) {
+      const part = i < 3 ? 0 : 3, axis = inA[i - part], unit = i < 3 ? 1 / L : 1;
+      residual.push(gap[i]);
+      G.push(data.metric.map((m, j) => {
+        let sum = 0;
+        for (let k = 0; k < 3; k++) sum += axis[k] * (Jb[part + k][j] - Ja[part + k][j]);
+        return unit * m * sum;
+      }));
+    }
+  }
+  return { residual, G, places };
+}
+
+export const worst = (values) => values.reduce((most, v) => Math.max(most, Math.abs(v)), 0);
+
+// Task rows of the output (m x n) by all joints.
+export function output(data, places, columns = jacobian) {
+  const full = columns(data.chain, places, data.chain.tip);
+  return data.task.rows.map((r) => full[r].map((x, j) => x * data.metric[j] * (r < 3 ? 1 / data.task.lengthScale : 1)));
+}
+
+// Revolute values, or differences of such, within half a turn of zero.
+export const wrap = (data, q) =>
+  q.map((v, j) => (data.joints[j].prismatic ? v : v - FULL * Math.floor((v + Math.PI) / FULL)));
+
+// Greatest difference of two configurations, whole turns aside, radians and metres.
+export const gapOf = (data, a, b) => worst(wrap(data, subtract(a, b)));
+
+export const passiveOf = (data) => data.joints.map((_, j) => !data.actuated.includes(j));
+export const everyJoint = (data) => data.joints.map(() => true);
+
+// Close the loops by moving the `free` joints (mask) least: { q, error }.
+export function gaussNewton(data, start, free) {
+  const used = free.flatMap((on, j) => (on ? [j] : []));
+  const system = (q) => { const { residual, G } = closure(data, q); return { values: residual, rows: G.map((row) => used.map((j) => row[j])) }; };
+  return newton(data, start, used, system, 60);
+}
+
+// Newton's method by the joints `used`, none further than `reach` from the start: the best { q, error } of what
+// `system(q)` says is to vanish, { values, rows (slopes by these joints) }.
+//
+// Steps are cut at half a radian: far from closure Newton's own would jump between assembly modes.
+export function newton(data, start, used, system, steps, reach = Infinity) {
+  let q = start.slice(), kept = q, best = Infinity;
+  for (let k = 0; k <= steps; k++) {
+    const { values, rows } = system(q), size = worst(values);
+    if (size >= best && best <= CLOSED) break;
+    if (size < best) { best = size; kept = q; }
+    if (size <= 1e-15) break;
+    const step = leastNorm(rows, values.map((v) => -v), 1e-11), longest = worst(step), cut = longest > 0.5 ? 0.5 / longest : 1;
+    q = q.slice();
+    used.forEach((j, i) => { q[j] += cut * step[i] * data.metric[j]; });
+    if (!q.every(Number.isFinite) || worst(subtract(q, start).map((v, j) => v / data.metric[j])) > reach) break;
+  }
+  return { q: kept, error: best };
+}
+
+// Closed configurations that random starts lead to; joints that are not `free` stay at `start`.
+export function randomClosed(data, count, seed, free = everyJoint(data), start = data.home) {
+  const random = generator(seed), out = [];
+  for (let k = 0; k < count; k++) {
+    const drawn = data.joints.map(({ prismatic }) => (2 * random() - 1) * (prismatic ? data.task.lengthScale : Math.PI));
+    const { q, error } = gaussNewton(data, start.map((v, j) => (free[j] ? drawn[j] : v)), free);
+    if (error <= CLOSED) out.push(wrap(data, q));
+  }
+  return out;
+}
 
 const POINT = 1e-9; // metres: axes that come closer meet
 const STRAIGHT = 1e-9; // sine of an elbow up to which it counts as straight
@@ -17,11 +103,11 @@ const largest = (A) => (A.length ? svd(A).sigma[0] ?? 0 : 0);
 
 // Motions { basis (d vectors), inputs (n_a x d), outputs (m x d), size, constraint, two, one }.
 export function motions(data, q, known = closure(data, q)) {
-  const found = measured(data, known.G, output(data, q).J);
+  const found = measured(data, known.G, output(data, known.places));
   const least = Math.min(found.constraint, found.two, found.one);
   if (least > data.judge.nearRtol || !locked(data, known.places)) return found;
   const columns = ballColumns(data);
-  const whole = measured(data, closure(data, q, columns).G, output(data, q, columns).J);
+  const whole = measured(data, closure(data, q, columns).G, output(data, known.places, columns));
   return { ...whole, basis: hingeRates(data, known.places, whole.basis) };
 }
 
@@ -46,7 +132,7 @@ export function kindOf({ constraint, one, two }, rtol) {
   return one <= rtol ? (two <= rtol ? "type 3" : "type 1") : two <= rtol ? "type 2" : "regular";
 }
 
-// State at a closed q (n): kind, near, mode, measures, place of the output, `velocity` of the output per
+// State at a closed q (n): kind, near, mode, measures, places of joints, place of the output, `velocity` of the output per
 // unit input speed (m x n_a, metres and radians; null at type 2), directions `lost` and `uncontrolled`
 // (m each, without units), and the motions themselves.
 export function stateAt(data, q) {
@@ -56,10 +142,9 @@ export function stateAt(data, q) {
   const kind = kindOf(found, rtol), across = svd(outputs), drive = svd(transpose(inputs));
   const reached = across.sigma.filter((s) => s > rtol * found.size).length;
   const controlled = drive.sigma.filter((s) => s > rtol).length;
-  const { place } = output(data, q);
   return {
     q: q.slice(), ...found, kind, near: kind === "regular" && Math.min(found.constraint, found.one, found.two) <= nearRtol,
-    mode: modeOf(data, q), place, velocity: controlled === d ? velocityOf(data, outputs, drive) : null,
+    mode: modeOf(data, q), places: known.places, place: frameOf(data.chain.tip, known.places), velocity: controlled === d ? velocityOf(data, outputs, drive) : null,
     lost: across.left.slice(reached, Math.max(reached, data.ranks.output)),
     uncontrolled: drive.left.slice(controlled).map((v) => times(outputs, v)),
   };

@@ -2,7 +2,6 @@
 
 import { outside } from "./limits.mjs";
 import { add, combined, cross, dot, norm, quaternion, scaled, subtract, svd, transpose, turnZTo } from "./linear.mjs";
-import { output } from "./loops.mjs";
 import { vector } from "./lost.mjs";
 import { drawnRadii, ellipsoids, inBase } from "./measures.mjs";
 import { stateAt } from "./mechanism.mjs";
@@ -20,13 +19,13 @@ const SAYS = {
 // Placements, ellipses, measures and words at a closed q (n); keys as of frameAt, with `kind`, `mode`, the
 // measures `one`, `two`, `constraint`, and `free`: arrows of what moves with the actuators at rest.
 export function mechanismFrame(data, q) {
-  const state = stateAt(data, q), at = state.place.t, { places } = output(data, q);
+  const state = stateAt(data, q), at = state.place.t;
   const lost = ["regular", "type 2"].includes(state.kind) ? [] : state.lost.map((u) => lostOf(data, at, u));
   const free = ["regular", "type 1"].includes(state.kind) ? [] : state.uncontrolled.map((v) => looseOf(data, at, v));
   const hot = movingJoints(data, state), regular = state.kind === "regular";
   const sigma = regular && state.velocity ? speeds(data, state.velocity) : [];
   return {
-    q: q.slice(), links: places.map(({ R, t }) => [...t, ...quaternion(R)]), tip: at,
+    q: q.slice(), links: state.places.map(({ R, t }) => [...t, ...quaternion(R)]), tip: at,
     pose: poseOf(data, state.place), ellipsoids: ellipses(data, state, lost),
     lost: lost.slice(0, ARROWS).map((m) => lineOf(data, m, at)), free: arrows(data, free, at),
     given: free.map((m) => m.words), hot, why: why(data, state, hot),

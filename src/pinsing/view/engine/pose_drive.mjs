@@ -8,8 +8,7 @@
 import { frameOf, jacobian } from "./chain.mjs";
 import { valueText } from "./limits.mjs";
 import { combined, dot, product, rotationVector, svd, transpose } from "./linear.mjs";
-import { CLOSED, closure, everyJoint, gaussNewton, newton, worst } from "./loops.mjs";
-import { assemblySign, assemblyValue, elbowSines, motions } from "./mechanism.mjs";
+import { assemblySign, assemblyValue, CLOSED, closure, elbowSines, everyJoint, gaussNewton, motions, newton, worst } from "./mechanism.mjs";
 
 const STEP = 0.05, SMALLEST = 1e-6, TURN = 2 * Math.PI, INSIDE = 1e-9, RUN = 12, FAR = 0.2;
 const MOST_ANGLE = 1e6, MOST_WAY = 1000; // radians; radians or length scales

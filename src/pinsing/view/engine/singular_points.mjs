@@ -6,8 +6,7 @@
 // sign that its vectors give it: of the closure over the output's rows, over the inputs, or alone.
 
 import { add, combined, dot, nullVector, scaled, subtract, svd, transpose } from "./linear.mjs";
-import { CLOSED, closure, gapOf, newton, output, worst, wrap } from "./loops.mjs";
-import { kindOf, motions } from "./mechanism.mjs";
+import { CLOSED, closure, gapOf, kindOf, motions, newton, output, worst, wrap } from "./mechanism.mjs";
 
 export const STEP = 0.04; // largest step, radians or length scales
 const MOST = 4000, WORTH = 0.3, STEPS = 24, SAME = 1e-6, REACH = 0.6, DIFFERENCE = 1e-5;
@@ -118,9 +117,9 @@ function vanishing(data, q, kind, used) {
 
 // The matrix that loses rank: of the closure, with the output at rest (type 1), or the inputs (type 2).
 function matrixOf(data, q, kind) {
-  const { G } = closure(data, q);
+  const { G, places } = closure(data, q);
   if (kind === "constraint") return G;
-  return [...G, ...(kind === "type 1" ? output(data, q).J : unitRows(data, data.actuated))];
+  return [...G, ...(kind === "type 1" ? output(data, places) : unitRows(data, data.actuated))];
 }
 
 const unitRows = (data, joints) => joints.map((j) => data.joints.map((_, i) => (i === j ? 1 : 0)));

@@ -2,11 +2,10 @@
 // that are given: within their limits, and one after the other as a file has them.
 
 import { generator } from "./families.mjs";
-import { outside, spanOf, turnedInto, valueText } from "./limits.mjs";
+import { endsOf, isOutside, outside, spanOf, turnedInto, valueText } from "./limits.mjs";
 import { add, scaled, subtract } from "./linear.mjs";
-import { CLOSED, closure, everyJoint, gapOf, gaussNewton, passiveOf, randomClosed, worst, wrap } from "./loops.mjs";
-import { assemblySign, modeOf, modeOrder, motions } from "./mechanism.mjs";
-import { AT_TYPE_2, driven, heldPose, placeOf, poseGap, poseOf } from "./pose_drive.mjs";
+import { assemblySign, CLOSED, closure, everyJoint, gapOf, gaussNewton, modeOf, modeOrder, motions, passiveOf, randomClosed, worst, wrap } from "./mechanism.mjs";
+import { AT_TYPE_2, driven, heldPose, placeOf, poseGap, poseOf, stopWords } from "./pose_drive.mjs";
 import { placeOn, singularAlong, STEP, trace } from "./singular_points.mjs";
 
 const FULL = 2 * Math.PI, SAME = 1e-4, HERE = 1e-7, STARTS = 48;
@@ -124,7 +123,6 @@ const POSES = 40, MODES = 256, LOOSE = 1e-6;
 export function workingByLegs(data, q) {
   const random = generator(947), goal = poseOf(data, placeOf(data, q)), poses = [];
   const spans = data.joints.map((joint) => spanOf(joint, data.task.lengthScale));
-  const inside = (x, joints) => joints.every((j) => x[j] >= (data.joints[j].lower ?? -Infinity) - 1e-9 && x[j] <= (data.joints[j].upper ?? Infinity) + 1e-9);
   const take = (x) => {
     const { R, t } = placeOf(data, x), mark = [...R.flat(), ...scaled(t, 1 / data.task.lengthScale)];
     let pose = poses.find((one) => worst(subtract(one.mark, mark)) <= SAME);
@@ -132,7 +130,7 @@ export function workingByLegs(data, q) {
     for (const { joints, found } of pose.legs) {
       const driven = joints.filter((j) => data.actuated.includes(j));
       const gap = (other) => worst(wrap(data, subtract(x, other)).filter((_, j) => driven.includes(j)));
-      if (inside(x, joints) && found.every((other) => gap(other) > SAME)) found.push(x);
+      if (!joints.some((j) => isOutside(data.joints[j], x[j])) && found.every((other) => gap(other) > SAME)) found.push(x);
     }
   };
   take(q);
@@ -156,33 +154,35 @@ function sameOutput(data, x, q) {
 
 const INSIDE = 1e-9;
 
-// Inputs cut at the limits of their joints, and the places of those that were beyond.
-export function withinInputs(data, inputs) {
+// Inputs driven from a closed q as far as they go, within the limits of their joints: { q, said }, in words what
+// is not reached, and why; "" where all is.
+export function inputsLed(data, inputs, q) {
+  const { actuated, joints, metric } = data, text = (k, value, digits) => inputText(data, k, value, digits);
   const wanted = inputs.map((v, k) => {
-    const { lower, upper } = data.joints[data.actuated[k]];
-    return Math.min(upper ?? Infinity, Math.max(lower ?? -Infinity, v));
+    const [low, high] = endsOf(joints[actuated[k]]);
+    return Math.min(high, Math.max(low, v));
   });
-  return { wanted, beyond: inputs.flatMap((v, k) => (Math.abs(v - wanted[k]) > INSIDE * data.metric[data.actuated[k]] ? [k] : [])) };
+  const beyond = inputs.flatMap((v, k) => Math.abs(v - wanted[k]) <= INSIDE * metric[actuated[k]] ? []
+    : [`${joints[actuated[k]].name} = ${text(k, v)} is beyond its limit, ${text(k, wanted[k])}`]).join("; ");
+  const { q: there, reached, stop } = driven(data, wanted, q), away = wanted.map((v, k) => Math.abs(v - q[actuated[k]]));
+  if (reached === 1) return { q: there, said: beyond && `${beyond}; the mechanism stays there.` };
+  const k = away.indexOf(Math.max(...away)), { name } = joints[actuated[k]], why = stopWords(data, stop);
+  const said = stop.why === "far" ? `refused: the value of ${joints[stop.joint].name} is too large; ${why}. The mechanism stays where it was.`
+    : `infeasible: ${name} = ${text(k, wanted[k])}. In this mode the loops close up to ${text(k, there[actuated[k]], 2)}, ` +
+      `the others held (${why}); the mechanism stays there.`;
+  return { q: there, said: `${beyond && `${beyond}. `}${said}` };
 }
 
-// The same in words.
-export function beyondWords(data, inputs, beyond) {
-  const { wanted } = withinInputs(data, inputs);
-  return beyond.map((k) => `${data.joints[data.actuated[k]].name} = ${inputText(data, k, inputs[k])} is beyond its limit, ${inputText(data, k, wanted[k])}`).join("; ");
-}
-
-// Rows of inputs followed from a closed q, as far as it goes: { path: configurations, row, stop }: of the row
-// that ended it, its place and what `driven` says, or the inputs that are beyond their limits.
+// Rows of inputs followed from a closed q, as far as it goes: { path: configurations, row, said }: the row that
+// ended it, and why.
 export function followInputs(data, q, rows) {
   const path = [];
   for (const [row, inputs] of rows.entries()) {
-    const { wanted, beyond } = withinInputs(data, inputs);
-    if (beyond.length) return { path, row, beyond };
-    const found = driven(data, wanted, path.length ? path[path.length - 1] : q);
-    if (found.reached < 1) return { path, row, found };
-    path.push(found.q);
+    const { q: there, said } = inputsLed(data, inputs, path.at(-1) ?? q);
+    if (said) return { path, row, said };
+    path.push(there);
   }
-  return { path, row: -1 };
+  return { path, row: -1, said: "" };
 }
 
 const CLIMBED = 3, FIRST = 0.4, LAST = 0.01, AROUND = [0.05, 0.2, 0.5];
