@@ -65,6 +65,7 @@ BAD_JOINTS = {
     "expression": ('<origin xyz="${x} 0 0"/>', "name the file .xacro"),
     "two origins": ("<origin/><origin/>", "has 2 <origin>"),
     "ignored quaternion": ('<origin quat_xyzw="1 0 0 0"/>', 'version="1.1"'),
+    "ignored quaternion of three": ('<origin quat_xyzw="1 0 0"/>', 'version="1.1"'),
     "crossed limits": (
         joint(inner=LIMIT.replace("-1", "3")), "limit 3 is above upper limit 2: exchange them",
     ),
@@ -147,6 +148,7 @@ BAD_FILES = {
     "nan mass": (heavy("nan", 0), "link 'a': <mass value='nan'>: nan is not a finite number", 6),
     "infinite inertia": (heavy(1, "inf"), "inf is not a finite number", 6),
     "absurd mass": (heavy("1e308", 0), "is too large", 6),
+    "mass with an inertia": (heavy('1" ixx="q', 0), "link 'a': <mass ixx='q'>: 'q' is not", 6),
     "universe": (robot(joint(child="universe"), links=["a", "b", "universe"]), "rename", None),
     "entity": ('<?xml version="1.0"?>\n<!DOCTYPE r []><robot/>', "remove the <!DOCTYPE", 2),
     "zero quaternion": (

@@ -294,8 +294,11 @@ CAPSULE = """<robot name="pill"><link name="base"/><link name="arm"><visual>
 </joint></robot>"""
 
 
-def test_a_capsule_is_a_cylinder_with_round_ends() -> None:
-    arm = load(CAPSULE.format(0.05, 0.4), task="wz")
+@pytest.mark.parametrize("turn", ['rpy="0.4 0.5 0.6"', 'quat_xyzw="{} {} {} {}"'])
+def test_a_capsule_is_a_cylinder_with_round_ends(turn: str) -> None:
+    turn = turn.format(*pin.Quaternion(pin.rpy.rpyToMatrix(0.4, 0.5, 0.6)).coeffs())
+    text = CAPSULE.replace("<robot", '<robot version="1.1"').replace('rpy="0.4 0.5 0.6"', turn)
+    arm = load(text.format(0.05, 0.4), task="wz")
     geometry = read_links(arm).geometry
     found = list(geometry.geometryObjects)
     assert [type(g.geometry).__name__ for g in found] == ["Cylinder", "Sphere", "Sphere"]

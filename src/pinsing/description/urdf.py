@@ -78,12 +78,18 @@ class JointEntry:
     endless: bool = False
 
 
+def _named(node: Node, source: UrdfSource) -> tuple[str, str]:
+    """Return the name of a link or joint, and what messages call it."""
+    name = node.attributes.get("name", "")
+    source.refuse_if(not name.strip(), f"a <{node.tag}> has no name", node)
+    what = f"{node.tag} {show(name)}"
+    source.check_name(name, what, node)
+    return name, what
+
+
 def check_joint(node: Node, source: UrdfSource) -> tuple[JointEntry, Node]:
     """Return a joint's entry, and the element that Pinocchio shall read."""
-    name = node.attributes.get("name", "")
-    source.refuse_if(not name.strip(), "a <joint> has no name", node)
-    what = f"joint {show(name)}"
-    source.check_name(name, what, node)
+    name, what = _named(node, source)
     source.refuse_if(
         name == "universe", f"{what}: the name is Pinocchio's own: rename the joint", node
     )
@@ -258,16 +264,20 @@ def check_mimics(
     # One that follows an unknown or immovable joint keeps a ``problem`` and loses its mimic.
     by_name = {entry.name: entry for entry in entries}
     leader = {entry.name: entry.mimic.joint for entry in entries if entry.mimic is not None}
-    resolved = []
+    resolved: list[JointEntry] = []
+    ends: set[str] = set()  # joints from which the way ends at one that moves by itself
     for entry, element in zip(entries, elements, strict=True):
-        path = [entry.name]
-        while path[-1] in leader and path[-1] not in path[:-1]:
-            path.append(leader[path[-1]])
+        way: dict[str, None] = {}
+        last = entry.name
+        while last in leader and last not in ends and last not in way:
+            way[last] = None
+            last = leader[last]
         source.refuse_if(
-            path[-1] in path[:-1],
-            f"<mimic> without end: joint {' follows '.join(map(show, path))}",
+            last in way,
+            f"<mimic> without end: joint {' follows '.join(map(show, (*way, last)))}",
             element,
         )
+        ends.update(way)
         followed = None if entry.mimic is None else by_name.get(entry.mimic.joint)
         resolved.append(entry)
         if entry.mimic is None or (followed is not None and followed.kind in _FOLLOWED):
@@ -286,10 +296,7 @@ def check_mimics(
 
 def check_link(node: Node, source: UrdfSource) -> tuple[str, Node]:
     """Return a link's name, and the element that Pinocchio shall read."""
-    name = node.attributes.get("name", "")
-    source.refuse_if(not name.strip(), "a <link> has no name", node)
-    what = f"link {show(name)}"
-    source.check_name(name, what, node)
+    name, what = _named(node, source)
     clean = Node("link", {"name": name}, node.line)
     clean.children += _inertial(node, source, what, name)
     for tag in ("visual", "collision"):
@@ -305,7 +312,8 @@ def _inertial(node: Node, source: UrdfSource, what: str, name: str) -> list[Node
     if (inertial := node.first("inertial")) is None:
         return []
     parts = [part for part in map(inertial.first, ("mass", "inertia")) if part is not None]
-    given = {part.tag: [*source.values(part, what, LARGEST_INERTIA)] for part in parts}
+    every = (*NUMBERS["mass"], *NUMBERS["inertia"])
+    given = {part.tag: [*source.values(part, what, LARGEST_INERTIA, every)] for part in parts}
     origin = source.origin(inertial, what)
     if given != {tag: [*NUMBERS[tag]] for tag in ("mass", "inertia")}:
         source.note("incomplete <inertial> left out (not needed here) in link", show(name))
@@ -336,11 +344,9 @@ def _shape(node: Node, source: UrdfSource, what: str) -> list[Node]:
         for key, numbers in values.items():
             source.refuse_if(min(numbers) < 0, f"{what}: <{shape.tag} {key}> is negative", shape)
     if shape.tag == "capsule":
-        pose: dict[str, tuple[float, ...]] = dict.fromkeys(("xyz", "rpy"), (0.0, 0.0, 0.0))
-        for at in origin:
-            pose |= source.values(at, what)
         (radius,), (length,) = values["radius"], values["length"]
-        placed = _capsule(radius, length, (pose["xyz"], pose["rpy"]), shape.line)
+        at = origin[0] if origin else Node("origin", {}, shape.line)
+        placed = _capsule(radius, length, at, source.values(at, what))
     materials = node.all("material")[:1] if node.tag == "visual" else []
     extra = [kept for material in materials for kept in check_material(material, source)]
     named = {k: v for k, v in node.attributes.items() if k == "name" and shape.tag != "capsule"}
@@ -351,23 +357,24 @@ def _shape(node: Node, source: UrdfSource, what: str) -> list[Node]:
 
 
 def _capsule(
-    radius: float, length: float, pose: tuple[tuple[float, ...], tuple[float, ...]], line: int
+    radius: float, length: float, at: Node, pose: Mapping[str, tuple[float, ...]]
 ) -> list[tuple[Node, list[Node]]]:
     """Return a capsule as a cylinder of ``length`` and two spheres: some readers lack the shape."""
-    xyz, rpy = pose
+    xyz, rpy = (pose.get(name, (0.0, 0.0, 0.0)) for name in ("xyz", "rpy"))
     (cr, cp, cy), (sr, sp, sy) = ([f(a) for a in rpy] for f in (math.cos, math.sin))
     z = (cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr)  # third column of Rz Ry Rx
+    if "quat_xyzw" in pose:
+        a, b, c, d = (x / math.hypot(*pose["quat_xyzw"]) for x in pose["quat_xyzw"])
+        z = 2 * (a * c + b * d), 2 * (b * c - a * d), 1 - 2 * (a * a + b * b)
 
     def origin(along: float) -> list[Node]:
-        at = " ".join(repr(x + along * d) for x, d in zip(xyz, z, strict=True))
-        return [Node("origin", {"xyz": at, "rpy": " ".join(map(repr, rpy))}, line)]
+        moved = " ".join(repr(x + along * d) for x, d in zip(xyz, z, strict=True))
+        return [Node("origin", {**at.attributes, "xyz": moved}, at.line)]
 
-    def ball() -> Node:
-        return Node("sphere", {"radius": repr(radius)}, line)
-
-    rod = Node("cylinder", {"radius": repr(radius), "length": repr(length)}, line)
-    half = length / 2
-    return [(rod, origin(0.0)), (ball(), origin(half)), (ball(), origin(-half))]
+    size, half = {"radius": repr(radius)}, length / 2
+    rod = Node("cylinder", size | {"length": repr(length)}, at.line)
+    ends = [(Node("sphere", size, at.line), origin(side)) for side in (half, -half)]
+    return [(rod, origin(0.0)), *ends]
 
 
 def check_material(node: Node, source: UrdfSource) -> list[Node]:
@@ -438,19 +445,22 @@ def check_tree(
         parent_joint[joint.child] = joint
     depth: dict[str, int] = {}
     for link in links:
-        above = [link]
-        while above[-1] in parent_joint and above[-1] not in depth:
-            above.append(parent_joint[above[-1]].parent)
-            if (last := above[-1]) in above[:-1]:
-                loop = [parent_joint[name] for name in reversed(above[above.index(last) : -1])]
-                named = ", ".join(show(j.name) for j in loop[:6]) + ", ..." * bool(loop[6:])
-                raise source.error(
-                    f"joints {named} form a loop: a URDF is a tree, so take one out (a closed loop "
-                    "is declared in a loop file beside it)",
-                    nodes[joints.index(loop[0])],
-                )
-        start = depth.get(above[-1], 0)
-        depth |= {name: start + k for k, name in enumerate(reversed(above))}
+        above: dict[str, None] = {}
+        last = link
+        while last in parent_joint and last not in depth and last not in above:
+            above[last] = None
+            last = parent_joint[last].parent
+        if last in above:
+            ring = list(above)
+            loop = [parent_joint[name] for name in reversed(ring[ring.index(last) :])]
+            named = ", ".join(show(j.name) for j in loop[:6]) + ", ..." * bool(loop[6:])
+            raise source.error(
+                f"joints {named} form a loop: a URDF is a tree, so take one out (a closed loop "
+                "is declared in a loop file beside it)",
+                nodes[joints.index(loop[0])],
+            )
+        start = depth.setdefault(last, 0)
+        depth |= {name: start + k for k, name in enumerate(reversed(above), 1)}
     roots = [link for link in links if link not in parent_joint]
     named = ", ".join(show(link) for link in roots[:5]) + ", ..." * bool(roots[5:])
     source.refuse_if(

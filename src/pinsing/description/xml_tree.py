@@ -14,7 +14,7 @@ import difflib
 import math
 import re
 import unicodedata
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
@@ -338,13 +338,13 @@ class UrdfSource:
         return tuple(map(float, words))
 
     def values(
-        self, node: Node, what: str, largest: float = LARGEST
+        self, node: Node, what: str, largest: float = LARGEST, names: Sequence[str] = ()
     ) -> dict[str, tuple[float, ...]]:
         """Return the numbers in an element by attribute, those of `NUMBERS` that it has."""
         several = dict.fromkeys(("xyz", "rpy", "size", "scale"), 3) | {"rgba": 4, "quat_xyzw": 4}
         return {
             name: self.numbers(node, name, several.get(name, 1), what, largest)
-            for name in NUMBERS[node.tag]
+            for name in names or NUMBERS[node.tag]
             if name in node.attributes
         }
 
@@ -360,23 +360,25 @@ class UrdfSource:
         if (origin := self.one(node, "origin", what)) is None:
             return []
         kept = Node("origin", dict(origin.attributes), origin.line)
+        quaternion = "quat_xyzw" in kept.attributes
+        # Readers of version 1.0 pass over it and lose the rotation without a word.
+        self.refuse_if(
+            quaternion and self.version not in ("1.1", "1.2"),
+            f"{what}: <origin quat_xyzw> does not exist in URDF 1.0: "
+            'write <robot version="1.1">, or give rpy',
+            origin,
+        )
+        self.refuse_if(
+            quaternion and "rpy" in kept.attributes,
+            f"{what}: <origin> has both rpy and quat_xyzw: keep one",
+            origin,
+        )
         values = self.values(kept, what)
-        if "quat_xyzw" in values:
-            # Readers of version 1.0 pass over it and lose the rotation without a word.
-            self.refuse_if(
-                self.version not in ("1.1", "1.2"),
-                f"{what}: <origin quat_xyzw> does not exist in URDF 1.0: "
-                'write <robot version="1.1">, or give rpy',
-                origin,
-            )
-            self.refuse_if(
-                "rpy" in values, f"{what}: <origin> has both rpy and quat_xyzw: keep one", origin
-            )
-            self.refuse_if(
-                math.hypot(*values["quat_xyzw"]) < 1e-6,
-                f"{what}: <origin quat_xyzw> is zero, so no rotation",
-                origin,
-            )
+        self.refuse_if(
+            quaternion and math.hypot(*values["quat_xyzw"]) < 1e-6,
+            f"{what}: <origin quat_xyzw> is zero, so no rotation",
+            origin,
+        )
         return [kept]
 
 

@@ -369,12 +369,12 @@ class ExactPlacements:
                 if i + 1 < n:
                     twist[i + 1] = self._signed_permutation(i + 1, R[i + 1])
         tip_turn = R[n]
-        rotation = [
-            self._rational_rotation(i, R[i]) if m is None else m for i, m in enumerate(twist)
-        ]
+        rotation = [self._exact_rotation(i, R[i]) if m is None else m for i, m in enumerate(twist)]
         rotation.append(IDENTITY)
         self.translation = self._lengths(self._slid_to_common_normals(R, t, twist, rotation))
-        self.tip_rotation = self._tip_rotation(tip_turn) if with_tip else None
+        if with_tip:
+            exact = self._signed_permutation(n, tip_turn)
+            self.tip_rotation = exact or self._exact_rotation(n, tip_turn)
         # So far R and t are the raw geometry still, only with turned axes: what was snapped
         # is the difference between them and the rational numbers.
         R[n] = np.eye(3)
@@ -448,31 +448,13 @@ class ExactPlacements:
             self._replace_snap(Snap(self.places[i], "angle", angle, nominal_angle))
         return nominal_angle
 
-    def _rational_rotation(self, i: int, R: Array) -> Matrix:
-        """Rz(a) Rx(alpha) near R, in exact numbers."""
-        alpha = math.atan2(math.hypot(R[0, 2], R[1, 2]), R[2, 2])
-        yaw = math.atan2(R[1, 0], R[0, 0])
-        # After both passes R = Rx(alpha), but for the first, which has no joint before it.
-        tilt = alpha if (turn_about_z(yaw).T @ R)[2, 1] >= 0 else -alpha
-        cos_yaw, sin_yaw = self._circle(i, yaw)
-        cos_tilt, sin_tilt = self._circle(i, tilt)
-        return (
-            (cos_yaw, -sin_yaw * cos_tilt, sin_yaw * sin_tilt),
-            (sin_yaw, cos_yaw * cos_tilt, -cos_yaw * sin_tilt),
-            (Fraction(0), sin_tilt, cos_tilt),
-        )
-
-    def _tip_rotation(self, R: Array) -> Matrix:
-        """Rz(a) Rx(alpha) Rz(b) near R, in exact numbers."""
-        n = self.raw.n
-        quarters = self._signed_permutation(n, R)
-        if quarters is not None:
-            return quarters
+    def _exact_rotation(self, i: int, R: Array) -> Matrix:
+        """Rz(a) Rx(alpha) Rz(b) near R, in exact numbers; a and b are zero where none is needed."""
         tilted = self._tilted(R)
         first = math.atan2(R[0, 2], -R[1, 2]) if tilted else _yaw(R)
         tilt = math.atan2(math.hypot(R[0, 2], R[1, 2]), R[2, 2])
         last = math.atan2(R[2, 0], R[2, 1]) if tilted else 0.0
-        (ca, sa), (c, s), (cb, sb) = (self._circle(n, angle) for angle in (first, tilt, last))
+        (ca, sa), (c, s), (cb, sb) = (self._circle(i, angle) for angle in (first, tilt, last))
         return (
             (ca * cb - sa * c * sb, -ca * sb - sa * c * cb, sa * s),
             (sa * cb + ca * c * sb, -sa * sb + ca * c * cb, -ca * s),
@@ -481,25 +463,16 @@ class ExactPlacements:
 
     def _circle(self, i: int, angle: float) -> tuple[Exact, Exact]:
         """Exact (cos, sin) near ``angle``, rational but at multiples of 15 degrees."""
-        fine = round(angle / FIFTEEN)
-        if fine % 6:
-            moved = abs(fine * FIFTEEN - angle)
-            if moved <= self.fine_tol:
-                if moved > FLOAT_NOISE:
-                    self._replace_snap(Snap(self.places[i], "angle", angle, fine * FIFTEEN))
-                return cosine(fine), sine(fine)
+        snapped = self._snap_angle(i, angle)
+        fine = round(snapped / FIFTEEN)
+        if abs(snapped - fine * FIFTEEN) <= FLOAT_NOISE:
+            return cosine(fine), sine(fine)
         quarter = round(angle / (math.pi / 2))
-        rest = angle - quarter * math.pi / 2
-        if abs(rest) <= self.angle_tol:
-            if abs(rest) > FLOAT_NOISE:
-                self._replace_snap(Snap(self.places[i], "angle", angle, angle - rest))
-            c, s = Fraction(1), Fraction(0)
-        else:
-            half = Fraction(math.tan(rest / 2)).limit_denominator(10**6)
-            c, s = (1 - half**2) / (1 + half**2), 2 * half / (1 + half**2)
-            exact = 2 * math.atan(half) + quarter * math.pi / 2
-            if abs(exact - angle) > 1e-15:
-                self.snaps.append(Snap(self.places[i], "twist", angle, exact))
+        half = Fraction(math.tan((angle - quarter * math.pi / 2) / 2)).limit_denominator(10**6)
+        c, s = (1 - half**2) / (1 + half**2), 2 * half / (1 + half**2)
+        exact = 2 * math.atan(half) + quarter * math.pi / 2
+        if abs(exact - angle) > 1e-15:
+            self.snaps.append(Snap(self.places[i], "twist", angle, exact))
         for _ in range(quarter % 4):
             c, s = -s, c
         return c, s
