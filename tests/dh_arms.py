@@ -17,17 +17,22 @@ GOFA = [
 ]  # fmt: skip
 
 
-def dh_arm(rows, task="pose", limits=(-180, 180)):
-    """The arm of some rows (standard convention); slides go from -1 to 1 m."""
-    text = "name: made\nconvention: standard\nunits: {angle: deg, length: m}\nrows:\n"
+def dh_text(rows, limits=(-180, 180), convention="standard", name="made"):
+    """The table of some rows, which may have limits of their own; slides go from -1 to 1 m."""
+    text = f"name: {name}\nconvention: {convention}\nunits: {{angle: deg, length: m}}\nrows:\n"
     for alpha, a, d, *rest in rows:
-        theta, kind = (*rest, *(0, "revolute")[len(rest) :])
-        low, high = limits if kind == "revolute" else (-1, 1)
-        text += f"  - {{alpha: {alpha}, a: {a}, d: {d}, theta: {theta}, type: {kind}, "
-        text += f"limits: [{low}, {high}]}}\n"
+        theta, kind, own = (*rest, *(0, "revolute", None)[len(rest) :])
+        low, high = own or (limits if kind == "revolute" else (-1, 1))
+        text += f"  - {{alpha: {alpha}, a: {a}, d: {d}, theta: {theta}, type: {kind}"
+        text += "}\n" if kind == "continuous" else f", limits: [{low}, {high}]}}\n"
+    return text
+
+
+def dh_arm(rows, task="pose", limits=(-180, 180)):
+    """The arm of some rows (standard convention)."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "made.dh.yaml")
-        path.write_text(text)
+        path.write_text(dh_text(rows, limits))
         return pinsing.load(dh_to_urdf(read_dh(path)), task=task)
 
 

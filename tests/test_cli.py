@@ -59,13 +59,6 @@ class TestProcess:
         assert json.loads(done.stdout)["schema"] == "pinsing/state/1"
         assert "note: tip tool0 (" in done.stderr
 
-    def test_a_reader_that_leaves_early_is_no_error(self):
-        pipe = started("-m", "pinsing", "list")
-        pipe.stdout.close()
-        _, said = pipe.communicate()
-        assert "Traceback" not in said
-        assert "Broken" not in said
-
     @pytest.mark.slow
     def test_names_that_the_terminal_cannot_show(self, write_urdf):
         path = write_urdf([("revolute", '<axis xyz="0 0 1"/>' + LIMIT)], names=["gelenk_ä"])
@@ -73,16 +66,6 @@ class TestProcess:
         done = python("-m", "pinsing", "list", path, env=env)
         assert done.returncode == 0
         assert "gelenk_\\xe4" in done.stdout
-
-
-def test_ctrl_c_ends_with_130(monkeypatch):
-    def stopped(*_, **__):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(sys.modules["pinsing.robot.load"], "load", stopped)
-    done = run("at", "ur5", "--q", "0,0,0,0,0,0")
-    assert done.exit_code == 130
-    assert "Traceback" not in done.output
 
 
 def test_sigint_while_it_runs():

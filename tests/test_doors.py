@@ -62,31 +62,6 @@ def test_any_object_with_a_model(write_urdf):
         pinsing.load(model)
 
 
-def test_a_script_with_pink():
-    """Inverse kinematics towards a point out of reach ends where ``at`` says why."""
-    pink = pytest.importorskip("pink", reason="needs pin-pink, which pinsing does not install")
-    pytest.importorskip("daqp", reason="needs a solver for pink")
-    model = model_of("ur5")
-    start = np.array([0.0, -1.2, 1.0, -0.5, -1.2, 0.0])
-    configuration = pink.Configuration(model, model.createData(), start)
-    arm = pinsing.load(configuration)
-    R = configuration.get_transform_frame_to_world("tool0").rotation
-    theirs = np.kron(np.eye(2), R) @ configuration.get_frame_jacobian("tool0")
-    assert np.allclose(pinsing.frame_jacobian(arm, configuration.q), theirs, atol=1e-12)
-    task = pink.tasks.FrameTask("tool0", position_cost=1.0, orientation_cost=1.0)
-    task.set_target_from_configuration(configuration)
-    goal = task.transform_target_to_world.copy()
-    goal.translation = goal.translation + np.array([0.6, 0.0, 0.0])
-    task.set_target(goal)
-    assert pinsing.at(arm, configuration.q).status == "regular"
-    for _ in range(120):
-        speed = pink.solve_ik(configuration, [task], 0.02, solver="daqp")
-        configuration.integrate_inplace(speed, 0.02)
-    state = pinsing.at(arm, configuration.q)
-    assert state.status == "near-singular"
-    assert state.lost
-
-
 TEXT = robot()
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from dh_arms import dh_text
 
 from pinsing.cli.app import COMMANDS
 from pinsing.cli.show import KINDS
@@ -90,14 +91,6 @@ def runs(pinsing: Path, alone: dict[str, str], folder: Path) -> None:
     assert (folder / "page.html").stat().st_size > 500_000
 
 
-ARM = """name: wenger
-convention: standard
-units: {angle: deg, length: m}
-rows:
-  - {alpha: -90, a: 1, d: 0, theta: 0, type: revolute, limits: [-180, 180]}
-  - {alpha: 90, a: 2, d: 1, theta: 0, type: revolute, limits: [-180, 180]}
-  - {alpha: 0, a: 1.5, d: 0, theta: 0, type: revolute, limits: [-180, 180]}
-"""
 Q, OTHER = "0,-1,1,0,1,0", "0.3,-1.2,1.2,0,0.8,0"
 CALLS = [
     "list ur5", "list", "at ur5 --q " + Q, "analyze planar3r", "analyze five_bar --loops",
@@ -127,7 +120,7 @@ def every_command_runs(pinsing: Path, alone: dict[str, str], folder: Path) -> No
     assert {words[1] for words in called if words[0] == "plot"} == set(KINDS)
     (folder / "path.csv").write_text("\n".join([Q, OTHER]) + "\n")
     (folder / "poses.csv").write_text("x,y,z,i,j,k\n0.4,0.1,0.2,0,0,1\n0.4,0.2,0.2,0,0,1\n")
-    (folder / "arm.dh.yaml").write_text(ARM)
+    (folder / "arm.dh.yaml").write_text(dh_text([(-90, 1, 0), (90, 2, 1), (0, 1.5, 0)]))
     wrong = []
     for number, words in enumerate(called):
         if words[0] == "plot":

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import run
+from dh_arms import dh_text
 from singular_sets import terms
 from tiers import tiered
 
@@ -106,21 +107,11 @@ def test_what_is_singular_everywhere_is_so(name, rng):
         assert pinsing.kinematics.generic_rank(arm) < form.generic_rank
 
 
-PLANAR4 = """name: planar4
-convention: standard
-units: {angle: deg, length: m}
-rows:
-""" + "".join(
-    f"  - {{alpha: 0, a: {a}, d: 0, theta: 0, type: revolute, limits: [-180, 180]}}\n"
-    for a in (0.4, 0.3, 0.2, 0.1)
-)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", tiered(["planar 4R", "stanford", "puma560"], {"stanford"}))
 def test_lengths_that_are_zero_at_once(name, tmp_path, rng):
     path, task = tmp_path / "planar4.dh.yaml", "vx,vy"
-    path.write_text(PLANAR4)
+    path.write_text(dh_text([(0, a, 0) for a in (0.4, 0.3, 0.2, 0.1)]))
     if name != "planar 4R":
         path, task = TABLES[name], "pose"
     form = pinsing.closed_form(pinsing.load(path, task=task), symbols=True, seconds=LONG)
@@ -165,24 +156,11 @@ def test_modified_tables_and_twists_with_square_roots(tmp_path, rng):
             )
 
 
-ELBOW = """
-name: elbow7
-convention: standard
-units: {angle: deg, length: m}
-rows:
-  - {alpha: 90, a: 0, d: 0.3, theta: 0, type: continuous}
-  - {alpha: -90, a: 0, d: 0, theta: 0, type: continuous}
-  - {alpha: 90, a: 0.05, d: 0.4, theta: 0, type: continuous}
-  - {alpha: -90, a: -0.05, d: 0, theta: 0, type: continuous}
-  - {alpha: 90, a: 0, d: 0.4, theta: 0, type: continuous}
-  - {alpha: 90, a: 0.08, d: 0, theta: 0, type: continuous}
-  - {alpha: 0, a: 0, d: 0.1, theta: 0, type: continuous}
-"""
-
-
 def test_a_family_of_more_equations_than_joints_is_one_of_special_lengths(tmp_path, rng):
     path = tmp_path / "elbow.dh.yaml"
-    path.write_text(ELBOW)
+    rows = [(90, 0, 0.3), (-90, 0, 0), (90, 0.05, 0.4), (-90, -0.05, 0), (90, 0, 0.4)]
+    rows += [(90, 0.08, 0), (0, 0, 0.1)]
+    path.write_text(dh_text([(*row, 0, "continuous") for row in rows]))
     form = pinsing.closed_form(path, symbols="a3,a4,a6", seconds=LONG)
     assert form.complete
     for family in form.families:

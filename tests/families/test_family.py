@@ -45,6 +45,8 @@ def test_distance_of_a_slider_is_over_the_length_scale() -> None:
     np.testing.assert_array_equal(np.delete(found.q, 2), np.delete(q, 2))
     assert slide.contains(q * [1, 1, 1e-7, 1, 1, 1], tol=1e-6)
     assert not slide.contains(q * [1, 1, 1e-6, 1, 1, 1], tol=1e-6)
+    with pytest.raises(ConfigurationError, match="one configuration"):
+        slide.distance(np.stack([q, q]))
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from command_line import run
+from dh_arms import dh_text
 from public import script
 from tiers import tiered
 
@@ -262,13 +263,10 @@ def test_the_design_is_found_or_refused() -> None:
 
 
 def test_a_calibrated_file_has_the_families_of_its_design(tmp_path: Path) -> None:
-    rows = ["-90.1 0.0002 0.67", "0.08 0.4321 0", "90.05 -0.0203 0.1501"]
-    rows += ["-89.9 0.0001 0.4322", "90.1 0.0003 0", "0 0 0.0562"]
-    text = "name: p\nconvention: standard\nunits: {angle: deg, length: m}\nrows:\n"
-    for alpha, a, d in map(str.split, rows):
-        text += f"  - {{alpha: {alpha}, a: {a}, d: {d}, theta: 0, type: continuous}}\n"
+    rows = [(-90.1, 0.0002, 0.67), (0.08, 0.4321, 0), (90.05, -0.0203, 0.1501)]
+    rows += [(-89.9, 0.0001, 0.4322), (90.1, 0.0003, 0), (0, 0, 0.0562)]
     file = tmp_path / "puma.yaml"
-    file.write_text(text)
+    file.write_text(dh_text([(*row, 0, "continuous") for row in rows]))
     said = run("families", str(file))
     assert "a simpler design is assumed" in said.stderr
     assert "Every singular configuration of this robot lies within" in said.stdout
@@ -289,7 +287,7 @@ def test_a_calibrated_file_has_the_families_of_its_design(tmp_path: Path) -> Non
     exact = run("at", str(file), "--q", "0,1,1,1,0,1", "--nominal").stdout
     assert ": SINGULAR, on the wrist singularity" in exact
     aspects = run("postures", str(file)).stdout
-    assert "p: 8 aspects within the joint limits, proven for the design" in aspects
+    assert "made: 8 aspects within the joint limits, proven for the design" in aspects
     assert "aspects are of the design" in " ".join(aspects.split())
     assert "is assumed" not in alone.stderr
     loops = run("families", "delta", "--loops", "delta.loops.yaml", "--design", "ur5e")

@@ -6,29 +6,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from dh_arms import dh_text
 
 import pinsing
 from pinsing.families import Branch, Family, JointValue
 from pinsing.families.family import reach_words, values_reached
 from pinsing.measures import Reachability
 
-SCARA = """
-name: short_elbow
-convention: standard
-units: {angle: deg, length: m}
-rows:
-  - {alpha: 0, a: 0.25, d: 0.35, theta: 0, type: revolute, limits: [-152, 152]}
-  - {alpha: 0, a: 0.225, d: 0, theta: 0, type: revolute, limits: [-142, 142]}
-  - {alpha: 0, a: 0, d: 0, theta: 0, type: prismatic, limits: [-0.2, 0]}
-  - {alpha: 0, a: 0, d: 0, theta: 0, type: revolute, limits: [-180, 180]}
-"""
+SCARA = [
+    (0, 0.25, 0.35, 0, "revolute", (-152, 152)), (0, 0.225, 0, 0, "revolute", (-142, 142)),
+    (0, 0, 0, 0, "prismatic", (-0.2, 0)), (0, 0, 0),
+]  # fmt: skip
 SAID = "within the joint limits with q2 = 0° (not 180°)"
 
 
 @pytest.fixture(scope="module")
 def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("scara") / "short_elbow.dh.yaml"
-    path.write_text(SCARA, encoding="utf-8")
+    path.write_text(dh_text(SCARA, name="short_elbow"))
     return path
 
 

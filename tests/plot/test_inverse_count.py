@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from command_line import run
+from dh_arms import dh_arm
 from tiers import tiered_rows
 
 import pinsing
@@ -13,21 +14,10 @@ from pinsing.errors import OptionError
 from pinsing.kinematics.jacobian import task_jacobian, tip_placement
 from pinsing.plot.plane import Section, reach_of
 
-HEAD = 'name: arm\nconvention: standard\nunits: {angle: deg, length: m}\nsource: "made"\nrows:\n'
-TURN = "  - {{alpha: {}, a: {}, d: {}, theta: 0, type: revolute, limits: [-180, 180]}}\n"
-SLIDE = "  - {alpha: 0, a: 0.1, theta: 0, d: 0, type: prismatic, limits: [0.2, 1.0]}\n"
 
-
-def table(folder, *rows):
-    path = folder / "arm.dh.yaml"
-    path.write_text(HEAD + "".join(rows))
-    return pinsing.load(path, task="position")
-
-
-def orthogonal(folder, d2, d3, d4, r2, r3=0.0):
+def orthogonal(d2, d3, d4, r2, r3=0.0):
     """The arms of Wenger's figures."""
-    rows = [TURN.format(*row) for row in ((-90, d2, 0), (90, d3, r2), (0, d4, r3))]
-    return table(folder, *rows)
+    return dh_arm([(-90, d2, 0), (90, d3, r2), (0, d4, r3)], "position")
 
 
 LITERATURE = [
@@ -41,8 +31,8 @@ LITERATURE = [
 @pytest.mark.parametrize(
     ("lengths", "cusps", "nodes", "counts"), tiered_rows(LITERATURE, [LITERATURE[3]])
 )
-def test_orthogonal_arms_are_as_in_the_literature(tmp_path, lengths, cusps, nodes, counts):
-    arm = orthogonal(tmp_path, *lengths)
+def test_orthogonal_arms_are_as_in_the_literature(lengths, cusps, nodes, counts):
+    arm = orthogonal(*lengths)
     found = reach_of(arm, 100, False)
     assert len(found.cusps) == cusps
     assert nodes is None or len(found.nodes) == nodes
@@ -62,9 +52,8 @@ def test_orthogonal_arms_are_as_in_the_literature(tmp_path, lengths, cusps, node
     [(((-90, 0, 0), (90, 1, 0), (0, 1.5, 0.5)), 0), (((-90, 0, 0), (90, 1, 1), (0, 1.5, 0)), 2)],
     ids=["curves on each other", "a curve of one place"],
 )
-def test_what_only_rounding_crosses_is_no_node(tmp_path, rows, nodes):
-    arm = table(tmp_path, *(TURN.format(*row) for row in rows))
-    places = reach_of(arm, 40, False).nodes
+def test_what_only_rounding_crosses_is_no_node(rows, nodes):
+    places = reach_of(dh_arm(rows, "position"), 40, False).nodes
     assert len(places) == nodes
     if nodes:
         assert np.sort(places[:, 1]) == pytest.approx([-math.sqrt(1 / 8), math.sqrt(1 / 8)])
@@ -72,9 +61,9 @@ def test_what_only_rounding_crosses_is_no_node(tmp_path, rows, nodes):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("slides", [False, True])
-def test_counts_are_those_of_the_inverse_solutions(tmp_path, slides):
-    first = [TURN.format(-90, 0.3, 0.1), TURN.format(60, 0.7, 0.25)]
-    arm = table(tmp_path, *first, SLIDE if slides else TURN.format(0, 0.5, 0.2))
+def test_counts_are_those_of_the_inverse_solutions(slides):
+    last = (0, 0.1, 0, 0, "prismatic", (0.2, 1.0)) if slides else (0, 0.5, 0.2)
+    arm = dh_arm([(-90, 0.3, 0.1), (60, 0.7, 0.25), last], "position")
     found = reach_of(arm, 120, slides)
     rng = np.random.default_rng(3)
     asked = 0
@@ -93,9 +82,9 @@ def test_counts_are_those_of_the_inverse_solutions(tmp_path, slides):
         assert inside == found.count[k, j]
 
 
-def test_the_section_is_the_arm(tmp_path):
+def test_the_section_is_the_arm():
     """Places against Pinocchio, and f against det J over the distance from the first axis."""
-    arm = orthogonal(tmp_path, 1, 2, 1.5, 1, 0.4)
+    arm = orthogonal(1, 2, 1.5, 1, 0.4)
     section = Section.of(arm)
     rng = np.random.default_rng(0)
     shares = []

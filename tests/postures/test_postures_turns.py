@@ -6,36 +6,27 @@ from itertools import product
 import numpy as np
 import pytest
 from command_line import run
+from dh_arms import dh_arm
 
 import pinsing
-from pinsing.description.dh_table import dh_to_urdf, read_dh
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.postures.aspects import map_of
 from pinsing.postures.changes import PostureChange, whole_turns
 
-ROWS = """name: orthogonal
-convention: standard
-units: {{angle: deg, length: m}}
-rows:
-  - {{alpha: -90, a: 1, d: 0, theta: 0, type: revolute, limits: [-180, 180]}}
-  - {{alpha: 90, a: 2, d: 1, theta: 0, type: revolute, limits: {0}}}
-  - {{alpha: 0, a: 1.5, d: 0, theta: 0, type: revolute, limits: {0}}}
-"""
 # Its second posture is in another aspect as it is, and in this one a turn of joint 3 away.
 START = [0.8605556614246863, -2.8929454751927572, -5.768296820021047]
 
 
-def orthogonal(folder, limits):
-    path = folder / "orthogonal.dh.yaml"
-    path.write_text(ROWS.format(limits))
-    arm = pinsing.load(dh_to_urdf(read_dh(path)), task="position")
+def orthogonal(limits):
+    first = (-90, 1, 0, 0, "revolute", (-180, 180))
+    arm = dh_arm([first, (90, 2, 1), (0, 1.5, 0)], "position", limits)
     form = pinsing.closed_form(arm)
     return arm, form, pinsing.aspects(form)
 
 
 @pytest.fixture(scope="module")
-def wide(tmp_path_factory):
-    return orthogonal(tmp_path_factory.mktemp("arm"), [-360, 360])
+def wide():
+    return orthogonal((-360, 360))
 
 
 @pytest.fixture(scope="module")

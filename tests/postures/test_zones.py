@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from command_line import run
+from dh_arms import dh_arm
 from plain_speeds import PlainBounds
 from tiers import tiered, tiered_rows
 
@@ -369,14 +370,10 @@ def test_a_monitor_tells_in_which_zones_a_configuration_is():
 
 
 @pytest.mark.parametrize("speed", [0.5, 3.0])
-def test_an_arm_without_families_is_not_told_that_no_limit_is_exceeded(tmp_path, speed):
-    table = tmp_path / "gantry.dh.yaml"
-    row = "  - {alpha: %g, a: 0, d: 0, theta: %g, type: prismatic, limits: [0, 1]}\n"
-    rows = "".join(row % turns for turns in ((-90, 0), (90, 90), (0, 0)))
-    table.write_text(
-        f"name: gantry\nconvention: standard\nunits: {{angle: deg, length: m}}\nrows:\n{rows}"
-    )
-    form = pinsing.closed_form(pinsing.load(table, task="position"))
+def test_an_arm_without_families_is_not_told_that_no_limit_is_exceeded(speed):
+    turns = (-90, 0), (90, 90), (0, 0)
+    rows = [(alpha, 0, 0, theta, "prismatic", (0, 1)) for alpha, theta in turns]
+    form = pinsing.closed_form(dh_arm(rows, "position"))
     if speed < 1:
         assert pinsing.zones(form, linear=speed, joint_speeds=[1, 1, 1]).common == 0
     else:

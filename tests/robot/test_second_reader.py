@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 from command_line import run
+from dh_arms import dh_text
 from tiers import tiered
 
 import pinsing
@@ -82,9 +83,6 @@ def test_info_says_what_it_found_and_only_of_urdf(tmp_path) -> None:
     data = json.loads(run("list", "stanford", "-o", "-").stdout)
     assert (data["second_reading"]["seed"], data["second_reading"]["differences"]) == (20, [])
     table = tmp_path / "arm.yaml"
-    table.write_text(
-        "name: a\nconvention: standard\nunits: {angle: deg, length: m}\nrows:\n"
-        + "  - {alpha: 0, a: 1, d: 0, theta: 0, type: revolute, limits: [-90, 90]}\n" * 2
-    )
+    table.write_text(dh_text([(0, 1, 0)] * 2))
     assert second_reading(pinsing.load(table)) is None
     assert second_reading(pinsing.load(planar().model)) is None

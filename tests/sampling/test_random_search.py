@@ -3,29 +3,19 @@
 import dataclasses
 
 import pytest
+from dh_arms import dh_arm
 
 from pinsing import load
 from pinsing.algebra.budget import Stages
 from pinsing.families import closed_form
 from pinsing.sampling.analyze import leads_down, random_search
 
-FLAT = """
-name: flat
-convention: standard
-units: {angle: deg, length: m}
-rows:
-  - {theta: 0, d: 0.3, a: 0.1, alpha: 90, type: continuous}
-  - {theta: 0, d: 0, a: 0.2, alpha: 90, type: continuous}
-  - {theta: 0, d: 0.1, a: 0.2, alpha: 0, type: continuous}
-"""
-
 
 @pytest.fixture(scope="module")
-def flat(tmp_path_factory):
+def flat():
     """An arm whose row falls like the cube of the distance beside q2 = 0, q3 = 180 degrees."""
-    file = tmp_path_factory.mktemp("arms") / "flat.dh.yaml"
-    file.write_text(FLAT, encoding="utf-8")
-    return closed_form(load(file, task="vz"))
+    rows = (90, 0.1, 0.3), (90, 0.2, 0), (0, 0.2, 0.1)
+    return closed_form(dh_arm([(*row, 0, "continuous") for row in rows], "vz"))
 
 
 def test_ends_in_a_flat_valley_belong_to_the_family_at_its_end(flat):

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from arms import textbook
+from dh_arms import dh_text
 from node import needs_node, run
 from numpy.typing import NDArray
 from tiers import tiered
@@ -395,22 +396,13 @@ def test_a_path_in_degrees_is_refused() -> None:
     assert run(TRIED, {"text": "7,400", "joints": joints}) == [[7, 400]]  # outside; without limits
 
 
-FOUR = """name: four
-convention: modified
-units: {angle: deg, length: m}
-rows:
-  - {alpha: 0, a: 0, d: 0.4, theta: 0, type: revolute, limits: [-170, 170]}
-  - {alpha: -90, a: 0.1, d: 0, theta: -90, type: revolute, limits: [-120, 120]}
-  - {alpha: 0, a: 0.45, d: 0, theta: 0, type: revolute, limits: [-150, 150]}
-  - {alpha: -90, a: 0.05, d: 0.4, theta: 0, type: prismatic, limits: [0.1, 0.5]}
-"""
-
-
 @needs_node
 def test_what_is_lost_is_told_from_what_is_missing_everywhere(tmp_path: Path) -> None:
     """Four joints: two motions are missing everywhere, and a third where the arm is singular."""
     path = tmp_path / "four.dh.yaml"
-    path.write_text(FOUR)
+    rows = [(0, 0, 0.4), (-90, 0.1, 0, -90), (0, 0.45, 0)]
+    rows.append((-90, 0.05, 0.4, 0, "prismatic", (0.1, 0.5)))
+    path.write_text(dh_text(rows, (-120, 120), "modified"))
     arm = load(path)
     data, entries = engine(arm)
     rng = np.random.default_rng(6)

@@ -6,26 +6,17 @@ import numpy as np
 import pytest
 from chromium import open_page, text
 from command_line import run
+from dh_arms import dh_text
 from pages import baked
 
 import pinsing
-
-ROWS = """name: wenger
-convention: standard
-units: {angle: deg, length: m}
-source: "after Wenger"
-rows:
-  - {alpha: -90, a: 1, d: 0, theta: 0, type: revolute, limits: [-180, 180]}
-  - {alpha: 90, a: 2, d: 1, theta: 0, type: revolute, limits: [-180, 180]}
-  - {alpha: 0, a: 1.5, d: 0, theta: 0, type: revolute, limits: [-180, 180]}
-"""
 
 
 @pytest.fixture(scope="module")
 def cuspidal(tmp_path_factory):
     """A cuspidal arm, at a pose with four solutions in two aspects."""
     path = tmp_path_factory.mktemp("arm") / "wenger.dh.yaml"
-    path.write_text(ROWS)
+    path.write_text(dh_text([(-90, 1, 0), (90, 2, 1), (0, 1.5, 0)]))
     arm = pinsing.load(path, task="position")
     form = pinsing.closed_form(arm)
     q = [-1.37973247, -0.09304785, 3.02056091]

@@ -26,20 +26,12 @@ from pinsing.families import closed_form
 from pinsing.families.form import coverage_words
 from pinsing.kinematics.jacobian import frame_jacobian, singular_values, tip_placement
 from pinsing.measures import pure_ellipsoids, velocity_ellipsoid
-from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.sampling.analyze import analyze
 from pinsing.view import Viewer, scene
 from pinsing.view.server import is_loopback
 from pinsing.view.trajectory import dropped
-from pinsing.view.viewer import Entry, family_entries, finding_entries
-
-ARMS = ["stanford", "puma560", "surgical7", "irb1400", "iiwa14", "scara"]
-
-
-def entries_of(name: str) -> tuple[Arm, tuple[Entry, ...]]:
-    arm = textbook(name)
-    return arm, family_entries(arm, closed_form(arm).families)
+from pinsing.view.viewer import finding_entries
 
 
 def commands(recorder: scene.Recorder) -> list[dict[str, Any]]:
@@ -78,19 +70,6 @@ def test_sizes_of_what_is_drawn():
     assert two.translation == pytest.approx(2 * one.translation)
     assert two.rotation == pytest.approx(2 * one.rotation)
     assert 0.5 < one.reach < 2.5
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", tiered(ARMS, ARMS[:2]))
-def test_poses_are_on_their_family_inside_the_limits_and_the_same_every_time(name: str) -> None:
-    arm, entries = entries_of(name)
-    again = entries_of(name)[1]
-    assert any(e.poses for e in entries)
-    for entry, twin in zip(entries, again, strict=True):
-        for q, other in zip(entry.poses, twin.poses, strict=True):
-            assert bool(entry.family.contains(q))
-            assert bool(arm.within_limits(q))
-            np.testing.assert_array_equal(q, other)
 
 
 def test_findings_of_a_sweep_are_listed() -> None:

@@ -3,13 +3,11 @@
 Needs Chromium (or Chrome) and Playwright for Python; without them the tests are skipped.
 """
 
-import http.server
 import io
 import math
 import signal
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -166,34 +164,6 @@ def test_meshes_are_drawn_whole(page: Any) -> None:
         with_meshes = picture(page)
         show_only(page)
         assert (np.abs(picture(page) - with_meshes).sum(axis=-1) > 30).mean() > 0.02
-
-
-# What the server refuses without a browser, test_server.py shows in the quick tier.
-@pytest.mark.slow
-def test_another_site_cannot_reach_the_link(page: Any, stanford: Viewer) -> None:
-    class Quiet(http.server.BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            self.send_response(200)
-            self.send_header("Content-Type", "text/html")
-            self.end_headers()
-            self.wfile.write(b"<!DOCTYPE html><link rel=icon href='data:,'>another site")
-
-        def log_message(self, *args: Any) -> None:
-            pass
-
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Quiet) as other:
-        threading.Thread(target=other.serve_forever, daemon=True).start()
-        tab = page.context.browser.new_page()
-        tab.goto(f"http://127.0.0.1:{other.server_port}/")
-        host = stanford.url.split("//")[1]
-        outcome = tab.evaluate(
-            """(host) => new Promise((done) => { const s = new WebSocket(`ws://${host}live`);
-                 s.onopen = () => done("open"); s.onerror = () => done("refused"); })""",
-            host,
-        )
-        tab.close()
-        other.shutdown()
-    assert outcome == "refused"
 
 
 @pytest.mark.slow
