@@ -13,7 +13,7 @@ import pytest
 from public import script
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.components import Decomposition
+from pinsing.algebra.components import decompose
 from pinsing.algebra.ring import make_ring
 from pinsing.families import closed_form
 from pinsing.robot.load import load
@@ -125,7 +125,8 @@ def test_a_place_that_is_singular_without_a_zero_matrix_is_found():
     p, g = y1 * x2 + y2 * x1, x2 * x4 + 2 * y2 * y4
     second = k * b + p * (x3 + 7 * y3) * (x4 + 4 * y4)
     third = k * c + y1 * g * (x3 + 11 * y3) * (x3 + 12 * y3)
-    found = Decomposition([[a, b, c], [k * a, second, third]], 2, ring, Budget(60.0))
+    matrix = [[a, b, c], [k * a, second, third]]
+    found = decompose(lambda: matrix, 2, ring, Budget(60.0))
     assert not found.gaps
     zero = (Fraction(1), Fraction(0))
     assert any(part.values == {0: zero, 1: zero} for part in found.components)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.components import Decomposition
+from pinsing.algebra.components import decompose
 from pinsing.algebra.generic_points import Residues, slice_points
 from pinsing.algebra.ring import make_ring
 
@@ -71,7 +71,7 @@ def test_a_generic_rank_that_is_wrong_is_noticed(said):
     first, second = [x1, y1, x2], [y2, x1, y1]
     third = [x2 * a + y1 * b for a, b in zip(first, second, strict=True)]
     matrix = [first, second, third]
-    right = Decomposition(matrix, 2, ring, Budget(30.0))
+    right = decompose(lambda: matrix, 2, ring, Budget(30.0))
     assert not any("generic rank" in gap for gap in right.gaps)
-    wrong = Decomposition(matrix, said, ring, Budget(30.0))
+    wrong = decompose(lambda: matrix, said, ring, Budget(30.0))
     assert any("generic rank" in gap for gap in wrong.gaps)

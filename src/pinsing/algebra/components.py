@@ -27,7 +27,6 @@ import functools
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from flint import Ordering, fmpz_mpoly_ctx, fmpz_mpoly_vec
@@ -39,7 +38,6 @@ from pinsing.algebra.ring import (
     SECOND_PRIME,
     WORD_PRIME,
     Matrix,
-    Packed,
     Poly,
     Ring,
     Value,
@@ -865,17 +863,6 @@ class Search:
 _TO_ASK = 0.1
 """Share of the time for asking the second prime, however long the search took."""
 
-PackedComponent = tuple[Mapping[int, Value], list[Packed], bool, int]
-
-
-def _packed(c: Component, ring: Ring) -> PackedComponent:
-    return c.values, [ring.packed(r) for r in c.relations], c.proven, c.codimension
-
-
-def _unpacked(packed: PackedComponent, ring: Ring) -> Component:
-    values, relations, proven, codimension = packed
-    return Component(values, tuple(ring.unpacked(r) for r in relations), proven, codimension)
-
 
 @dataclass(frozen=True)
 class Within:
@@ -887,80 +874,54 @@ class Within:
     known: Sequence[Component]
 
 
+@dataclass(frozen=True, eq=False)
 class Decomposition:
-    """Runs the search and collects components, and what stopped it where it did not finish."""
+    """What a search found."""
 
-    def __init__(
-        self,
-        matrix: Matrix | Callable[[], Matrix],
-        rank: int,
-        ring: Ring,
-        time: Budget,
-        within: Within | None = None,
-    ) -> None:
-        self.ring = ring
-        self.time = time
-        self._within = within
-        self._apart = Apart(time, time.on_clock + _TO_ASK * time.seconds)
-        self._found = FoundComponents(ring, self._tell)
-        for c in () if within is None else within.known:
-            self._found.add(c.values, c.relations, c.proven, c.codimension)
-        self._search = Search(ring, time, self._found)
-        self.gaps = self._search.gaps
-        self.stopped = False
-        self.bound = 1
-        self.components: list[Component] = []
-        self.second = RandomSteps(0, (), ())
-        ended = self._apart.run(lambda: self._ended(matrix, rank))
-        if ended.result is None:
-            self._stop(ended.told, ended.reason)
-        elif ended.result is not self:
-            packed, self.gaps, self.stopped, self.second, self.bound = ended.result
-            self.components = [_unpacked(c, self.ring) for c in packed]
+    components: list[Component]
+    gaps: list[str]  # what stopped it, and what it did not decide
+    second: RandomSteps  # what it decided at random points
 
-    def _ended(self, matrix: Matrix | Callable[[], Matrix], rank: int) -> Any:
-        """Itself after the search; what can be pickled of it, in a child."""
-        search = self._search
+
+def decompose(
+    matrix: Callable[[], Matrix],
+    rank: int,
+    ring: Ring,
+    time: Budget,
+    within: Within | None = None,
+) -> Decomposition:
+    """Return the components of where the rank of a matrix drops, as far as the time goes."""
+    apart = Apart(time, time.on_clock + _TO_ASK * time.seconds)
+    # A child tells what it found, in case that it is stopped.
+    found = FoundComponents(ring, lambda c: apart.tell(c) if apart.child else None)
+    for c in () if within is None else within.known:
+        found.add(c.values, c.relations, c.proven, c.codimension)
+    search = Search(ring, time, found)
+
+    def searched() -> Decomposition:
         try:
-            given = matrix() if callable(matrix) else matrix
             # That it is the generic rank is confirmed below.
-            minors = Minors.reduced(given, rank, self.ring, self.time, generic=True)
-            self.bound = minors.bound if minors.size > 0 and minors.matrix else 1
-            if self._within is None:
+            minors = Minors.reduced(matrix(), rank, ring, time, generic=True)
+            if within is None:
                 search.confirm(minors, rank)
-                search.run(SearchPlace({}, minors, self.bound))
+                bound = minors.bound if minors.size > 0 and minors.matrix else 1
+                search.run(SearchPlace({}, minors, bound))
             else:
-                search.run(SearchPlace(self._within.values, minors, self._within.limit))
+                search.run(SearchPlace(within.values, minors, within.limit))
         except BudgetExceeded as reason:
-            self.stopped = True
-            self.gaps.append(
-                f"{reason} among sets inside {search.depth} simultaneous equations or more"
-                if search.depth
-                else str(reason)
-            )
-        self.components = self._found.irredundant(self.time)
-        time = self.time.part(1.0, _TO_ASK)
-        self.second = ask_again(search.asked, self.components, self.ring, time)
-        self.gaps += self.second.gaps
-        if not self._apart.child:
-            return self
-        packed = [_packed(c, self.ring) for c in self.components]
-        return packed, self.gaps, self.stopped, self.second, self.bound
+            inside_of = f" among sets inside {search.depth} simultaneous equations or more"
+            search.gaps.append(f"{reason}{inside_of if search.depth else ''}")
+        components = found.irredundant(time)
+        second = ask_again(search.asked, components, ring, time.part(1.0, _TO_ASK))
+        return Decomposition(components, [*search.gaps, *second.gaps], second)
 
-    def _tell(self, component: Component) -> None:
-        """Return what a child found, in case that it is stopped."""
-        if self._apart.child:
-            self._apart.tell(_packed(component, self.ring))
-
-    def _stop(self, told: Sequence[PackedComponent], reason: str) -> None:
-        """Return the components that a stopped search has reported."""
-        # Points that found some are gone with the child: only division shows which lie in others.
-        found = self._found.all + [_unpacked(t, self.ring) for t in told]
-        for c in sorted(found, key=by_size):
-            if not any(inside(c, k, self.ring) for k in self.components):
-                self.components.append(c)
-        self.stopped = True
-        self.gaps.append(reason)
-        self.second = RandomSteps(
-            len(self._search.asked) + 1, (WORD_PRIME,), (FIRST_SEED,), (reason,)
-        )
+    ended = apart.run(searched)
+    if ended.result is not None:
+        return ended.result
+    # Points that found some are gone with the child: only division shows which lie in others.
+    left = list[Component]()
+    for c in sorted([*found.all, *ended.told], key=by_size):
+        if not any(inside(c, k, ring) for k in left):
+            left.append(c)
+    asked = RandomSteps(len(search.asked) + 1, (WORD_PRIME,), (FIRST_SEED,), (ended.reason,))
+    return Decomposition(left, [*search.gaps, ended.reason], asked)

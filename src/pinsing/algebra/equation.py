@@ -146,7 +146,7 @@ Key = tuple[tuple[int, ...], tuple[int, ...]]
 def fourier(poly: Poly, ring: Ring, quarters: Sequence[int]) -> dict[Key, tuple[Exact, Exact]]:
     """Return coefficients of cos(k.q/2), sin(k.q/2), up to a positive factor; none is (0, 0)."""
     # The ring's angle of each joint exceeds q by so many ``quarters`` of a turn.
-    terms, roots = whole_terms(poly), tuple(getattr(ring, "roots", ()))
+    terms = whole_terms(poly)
     context = fmpz_mpoly_ctx.get(list(poly.context().names()), Ordering.lex)
     gens, some = context.gens(), next(iter(terms))
     images, seconds, degree = list(gens), [], [0] * len(ring.prismatic)
@@ -170,7 +170,7 @@ def fourier(poly: Poly, ring: Ring, quarters: Sequence[int]) -> dict[Key, tuple[
             if lead < 0:  # it is real: w^-k has the conjugate coefficient
                 continue
             key = frequency, tuple([m[v] if slides else 0 for v, slides, _ in joints])
-            square = SQUARES.index(math.prod(map(pow, roots, m[ring.nvars :])))
+            square = SQUARES.index(math.prod(map(pow, ring.roots, m[ring.nvars :])))
             eighths = sum(map(operator.mul, frequency, quarters))
             # An odd number of them is odd for all terms: times exp(i pi/4), up to sqrt 2.
             for turn in range(imaginary, imaginary + 1 + eighths % 2):

@@ -166,7 +166,7 @@ class _Affine:
 
     def __init__(self, polys: list[Poly], joints: list[int], ring: Ring, time: Budget) -> None:
         self.joints, self.ring, self.time = joints, ring, time
-        self.roots: tuple[int, ...] = getattr(ring, "roots", ())
+        self.roots = ring.roots
         self.size = len(joints) + len(self.roots)
         self.system = [self._terms(p) for p in polys]
         for k, d in enumerate(self.roots):

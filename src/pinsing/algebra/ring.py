@@ -18,15 +18,24 @@ time (Trager, 1976).
 
 from __future__ import annotations
 
+import copyreg
 import functools
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any, ClassVar
+from typing import Any
 
-from flint import Ordering, fmpq, fmpq_mpoly_ctx, fmpz_mat, fmpz_mod_mpoly_ctx, nmod_mpoly_ctx
+from flint import (
+    Ordering,
+    fmpq,
+    fmpq_mpoly,
+    fmpq_mpoly_ctx,
+    fmpz_mat,
+    fmpz_mod_mpoly_ctx,
+    nmod_mpoly_ctx,
+)
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.robot.nominal import PRIMES
@@ -36,6 +45,19 @@ from pinsing.robot.surd import SQUARES, Exact, Surd, parts_of, residue, root_mod
 def terms_of(poly: Any) -> dict[Any, Any]:
     """Exponents, and coefficients as flint has them: what ``poly.to_dict()`` tells."""
     return dict(zip(poly.monoms(), poly.coeffs(), strict=True))
+
+
+def _packed(poly: Any) -> tuple[Any, ...]:
+    """What another process makes a polynomial of."""
+    context = poly.context()
+    return _unpacked, (context.names(), context.ordering(), terms_of(poly))
+
+
+def _unpacked(names: Sequence[str], order: Ordering, terms: dict[Any, Any]) -> Any:
+    return fmpq_mpoly_ctx.get(names, order).from_dict(terms)
+
+
+copyreg.pickle(fmpq_mpoly, _packed)
 
 
 def whole_terms(poly: Any) -> dict[Any, int]:
@@ -90,7 +112,6 @@ class MadeOfEqual(dict[object, list[tuple[Any, Any]]]):
 Poly = Any  # fmpq_mpoly; python-flint ships no types
 Matrix = list[list[Poly]]
 Monomial = tuple[int, ...]
-Packed = list[tuple[Monomial, int, int]]
 Value = tuple[Exact, ...]
 """Exact value of a joint: (x, y) of a revolute one, (metres,) of a prismatic one."""
 
@@ -108,6 +129,14 @@ def fraction(value: Any) -> Fraction:
     return Fraction(int(value.p), int(value.q))
 
 
+_EXPONENTS = (276, 534, 2208, 2816)
+"""3 * 2^k + 1 is prime for these k, and 2 and 3 are squares modulo it."""
+_SPARE_BITS = 40
+
+
+_ENDLESS = Budget(math.inf)
+
+
 @dataclass(frozen=True)
 class Ring:
     """Variables of one chain."""
@@ -116,28 +145,37 @@ class Ring:
     prismatic: tuple[bool, ...]  # one entry a joint
     start: tuple[int, ...]  # index of each joint's first variable
     w: tuple[Poly | None, ...]  # x^2 + y^2 of each revolute joint
+    # what square roots among the coefficients are of, (2,), (3,) or (2, 3): flint's last variables
+    roots: tuple[int, ...] = ()
+    # asked within factors and divisors of polynomials with roots, which can be long
+    time: Budget = field(default=_ENDLESS, compare=False, repr=False)
     # factors of the polynomials that were asked for before
     known: MadeOfEqual = field(default_factory=MadeOfEqual, init=False, compare=False, repr=False)
 
     nvars: int = field(init=False, compare=False)  # number of the joints' variables
     zero: Poly = field(init=False, compare=False, repr=False)
     one: Poly = field(init=False, compare=False, repr=False)
-    # whether all coefficients are rational
-    rational: ClassVar[bool] = True
+    rational: bool = field(init=False, compare=False)  # whether all coefficients are rational
 
     def __post_init__(self) -> None:
         constant = self.context.constant
         nvars = sum(1 if slides else 2 for slides in self.prismatic)
-        self.__dict__.update(nvars=nvars, zero=constant(0), one=constant(1))
+        known = {"nvars": nvars, "zero": constant(0), "one": constant(1)}
+        self.__dict__.update(known, rational=not self.roots)
 
     def number(self, value: Exact | int) -> Poly:
         """A constant of the ring."""
-        if isinstance(value, Surd):
-            raise TypeError("a square root is no constant of a ring over the rationals")
-        return self.context.constant(rational(value))
+        if not isinstance(value, Surd):
+            return self.context.constant(rational(value))
+        return self._poly({(0,) * self.nvars: value})
 
     def reduce(self, poly: Poly) -> Poly:
-        """The unique form of an element that products came to; the same over the rationals."""
+        """The unique form of an element that products came to: roots to the power of one."""
+        if self.roots:
+            gens = self.context.gens()[self.nvars :]
+            for s, d, degree in zip(gens, self.roots, poly.degrees()[self.nvars :], strict=True):
+                if degree > 1:
+                    poly = divmod(poly, s * s - d)[1]
         return poly
 
     def variables(self, joint: int) -> tuple[int, ...]:
@@ -158,23 +196,25 @@ class Ring:
 
     def terms(self, poly: Poly) -> dict[Monomial, Exact]:
         """Exponents of the joints' variables, and coefficients."""
-        return {tuple(int(e) for e in m): fraction(c) for m, c in terms_of(poly).items()}
+        if self.rational:
+            return {tuple(int(e) for e in m): fraction(c) for m, c in terms_of(poly).items()}
+        gathered: dict[Monomial, list[Fraction]] = {}
+        nvars, zero = self.nvars, Fraction(0)
+        for m, c in terms_of(poly).items():
+            square = math.prod(d for d, e in zip(self.roots, m[nvars:], strict=True) if e)
+            parts = gathered.setdefault(tuple(map(int, m[:nvars])), [zero] * 4)
+            parts[SQUARES.index(square)] = fraction(c)
+        return {m: surd(*parts) for m, parts in gathered.items()}
 
     def monomials(self, poly: Poly) -> list[Monomial]:
         """Exponents of the joints' variables in each term; some perhaps several times."""
-        return list(poly.monoms())
-
-    def packed(self, poly: Poly) -> Packed:
-        """The polynomial as plain integers, for another process."""
-        return [(tuple(map(int, m)), int(c.p), int(c.q)) for m, c in terms_of(poly).items()]
-
-    def unpacked(self, terms: Packed) -> Poly:
-        """The polynomial of what ``packed`` gave."""
-        return self.context.from_dict({m: fmpq(p, q) for m, p, q in terms})
+        return [m[: self.nvars] for m in poly.monoms()]
 
     def is_constant(self, poly: Poly) -> bool:
         """Return True if no joint occurs."""
-        return bool(poly.is_constant())
+        if self.rational:
+            return bool(poly.is_constant())
+        return all(d <= 0 for d in poly.degrees()[: self.nvars])
 
     def substitute(self, poly: Poly, values: Mapping[int, Value]) -> Poly:
         """Put exact joint values into ``poly``."""
@@ -182,19 +222,24 @@ class Ring:
 
     def putting(self, values: Mapping[int, Value]) -> Callable[[Poly], Poly]:
         """Return what puts exact joint values into one polynomial after the other."""
-        names = self.context.names()
-        found = {
-            v: rational(x)  # type: ignore[arg-type]
-            for j, value in values.items()
-            for v, x in zip(self.variables(j), value, strict=True)
-        }
+        names, images = self.context.names(), list(self.context.gens())
+        found, roots = dict[int, Any](), False
+        for j, value in values.items():
+            surds = any(isinstance(x, Surd) for x in value)
+            for v, x in zip(self.variables(j), value, strict=True):
+                if surds:
+                    images[v] = self.number(x)
+                else:
+                    found[v] = rational(x)  # type: ignore[arg-type]
+            roots = roots or surds
         named = {names[v]: x for v, x in found.items()}
 
         def put(poly: Poly) -> Poly:
             if not poly or poly.is_constant():
                 return poly
             degrees = poly.degrees()
-            return poly.subs(named) if any(degrees[v] for v in found) else poly
+            poly = poly.subs(named) if any(degrees[v] for v in found) else poly
+            return self.reduce(poly.compose(*images, ctx=self.context)) if roots else poly
 
         return put
 
@@ -204,23 +249,61 @@ class Ring:
 
     def coefficients(self, poly: Poly) -> Mapping[Monomial, Any]:
         """Exponents of the joints' variables, and coefficients that can be divided."""
-        return terms_of(poly)
+        return terms_of(poly) if self.rational else self.terms(poly)
 
     def divides(self, p: Poly, poly: Poly) -> bool:
         """Return True if ``poly`` is a multiple of ``p``, one of the ``factors`` of something."""
-        return bool(divmod(poly, p)[1] == 0)
+        return bool(self.reduce(divmod(poly, p)[1]) == 0)
 
     def quotient(self, poly: Poly, p: Poly) -> Poly:
         """``poly`` over ``p``, which divides it and came from ``factors`` or ``gcd``."""
-        return poly / p
+        return self.reduce(divmod(poly, p)[0])
+
+    def monic(self, poly: Poly) -> Poly:
+        """The multiple with a leading coefficient of 1; zero stays."""
+        terms = self.terms(poly)
+        if not terms:
+            return poly
+        lead = terms[max(terms)]
+        return poly if lead == 1 else self.reduce(poly * self.number(1 / lead))
 
     def gcd(self, p: Poly, g: Poly) -> Poly:
-        """Greatest common divisor."""
-        return p.gcd(g)
+        """Greatest common divisor; with roots its leading coefficient is 1."""
+        if self.rational:
+            return p.gcd(g)
+        if p == 0 or g == 0:
+            return self.monic(p + g)
+        if self.is_constant(p) or self.is_constant(g):
+            return self.one
+        of_p, of_g = self._tangents(p), self._tangents(g)
+        if of_p is not None and of_g is not None:
+            degrees = zip(p.degrees(), g.degrees(), strict=True)
+            tangents = [x for x, d in enumerate(degrees) if x in {*of_p, *of_g} and any(d)]
+            if tangents:  # powers of x are lost at x = 1, and those of y are not
+                contents = zip(p.term_content().degrees(), g.term_content().degrees(), strict=True)
+                powers = [min(c) if x in tangents else 0 for x, c in enumerate(contents)]
+                # Flint's gcd of forms modulo a prime may not end where that of the same in half-
+                # angle tangents takes less than a millisecond.
+                at = self._at_one(tangents)
+                found = self._form(self.gcd(p.subs(at), g.subs(at)), tangents)
+                return self.monic(found * self.context.term(exp_vec=powers))
+        p, g = self.monic(p), self.monic(g)
+        if not any(p.degrees()[self.nvars :]) and not any(g.degrees()[self.nvars :]):
+            return self.monic(p.gcd(g))
+        # Terms from which on a gcd may take long: one of two polynomials of 150 took minutes.
+        self.time.check_factor(max(len(p), len(g)), 60)
+        if image(p, self, WORD_PRIME).gcd(image(g, self, WORD_PRIME)).is_constant():
+            return self.one
+        for prime in _primes(min(self._bits_needed(p), self._bits_needed(g))):
+            self.time.check()
+            found = self._lift(image(p, self, prime).gcd(image(g, self, prime)), prime)
+            if found is not None and self.divides(found, p) and self.divides(found, g):
+                return found
+        raise BudgetExceeded("a polynomial with square roots in it has too long coefficients")
 
     def resultant(self, p: Poly, g: Poly, variable: int) -> Poly:
         """Resultant with respect to a variable."""
-        return p.resultant(g, self.context.names()[variable])
+        return self.reduce(p.resultant(g, self.context.names()[variable]))
 
     def shared_joints(self, p: Poly, g: Poly) -> list[int]:
         """Joints that occur in both, those by which a resultant is simplest first."""
@@ -264,6 +347,8 @@ class Ring:
 
         Low degrees in few joints bound what it can take: some 15 ms for a thousand terms.
         """
+        if self.roots:
+            return None
         degrees = poly.degrees()
         joints = zip(self.start, self.prismatic, strict=True)
         size = math.prod(degrees[v if slides else v + 1] + 1 for v, slides in joints)
@@ -272,16 +357,25 @@ class Ring:
         return 1_000 if size <= 1_500 else None
 
     def _factors(self, poly: Poly) -> list[Poly]:
-        """Over Q."""
+        """See ``factors``."""
+        poly = self.strip(poly) if self.roots else poly
         # Terms from which on a polynomial is factored as one in half-angle tangents.
-        found = self._of_form(poly) if len(poly) >= 20 else None
+        found = self._of_form(poly) if self.roots or len(poly) >= 20 else None
         if found is None:
             found = self._irreducible(poly)
+        if self.roots:
+            found = [self.monic(f) for f in found]
         return [f for f in found if not any(w is not None and f == w for w in self.w)]
 
     def _irreducible(self, poly: Poly) -> list[Poly]:
-        """Irreducible factors of any polynomial."""
-        return [f for f, _ in poly.factor()[1]]
+        """Irreducible factors of any polynomial, over the field of the roots."""
+        if self.rational:
+            return [f for f, _ in poly.factor()[1]]
+        found: list[Poly] = []
+        for f in self._factor(self.monic(poly), len(self.roots)):
+            if f not in found:
+                found.append(f)
+        return found
 
     def _of_form(self, poly: Poly) -> list[Poly] | None:
         """Return irreducible factors of a form in each turning joint's variables, or None."""
@@ -363,97 +457,12 @@ class Ring:
         lead = x if x != 0 else y
         return j, (x / lead, y / lead)
 
-
-def layout(prismatic: Sequence[bool], roots: Sequence[int] = ()) -> tuple[Any, ...]:
-    """Return the first fields of a chain's ring, whose last variables are square roots."""
-    names: list[str] = []
-    start: list[int] = []
-    for j, slides in enumerate(prismatic, 1):
-        start.append(len(names))
-        names += [f"z{j}"] if slides else [f"x{j}", f"y{j}"]
-    order = Ordering.lex if roots else Ordering.degrevlex
-    context = fmpq_mpoly_ctx.get([*names, *(f"s{d}" for d in roots)], order)
-    gens, kinds = context.gens(), tuple(bool(p) for p in prismatic)
-    both = zip(start, kinds, strict=True)
-    norms = tuple(None if slides else gens[s] ** 2 + gens[s + 1] ** 2 for s, slides in both)
-    return context, kinds, tuple(start), norms
-
-
-def make_ring(prismatic: Sequence[bool]) -> Ring:
-    """Ring of a chain with these joints, over the rationals."""
-    return Ring(*layout(prismatic))
-
-
-WORD_PRIME, SECOND_PRIME = PRIMES
-"""Both have roots of 2 and 3; what points modulo the first say is asked again modulo the second."""
-
-
-def image(poly: Poly, ring: Ring, prime: int) -> Any:
-    """A polynomial modulo a prime, in the joints' variables."""
-    if ring.rational:
-        inverse: dict[Any, int] = {}
-        terms = {}
-        for m, c in terms_of(poly).items():
-            if c.q not in inverse:
-                inverse[c.q] = pow(int(c.q), -1, prime)
-            terms[m] = int(c.p) * inverse[c.q] % prime
-    else:
-        terms = {m: residue(c, prime) for m, c in ring.terms(poly).items()}
-    names = tuple(ring.context.names()[: ring.nvars])
-    return modular_context(names, prime).from_dict({m: c for m, c in terms.items() if c})
-
-
-@functools.cache
-def modular_context(names: tuple[str, ...], prime: int) -> Any:
-    """Flint's ring of polynomials modulo a prime, lexicographic order."""
-    kind = nmod_mpoly_ctx if prime.bit_length() < 64 else fmpz_mod_mpoly_ctx
-    return kind.get(list(names), prime, Ordering.lex)
-
-
-_EXPONENTS = (276, 534, 2208, 2816)
-"""3 * 2^k + 1 is prime for these k, and 2 and 3 are squares modulo it."""
-_SPARE_BITS = 40
-
-
-@dataclass(frozen=True)
-class SurdRing(Ring):
-    """Ring of a chain with square roots among its coefficients."""
-
-    roots: tuple[int, ...]  # what the roots are of, (2,), (3,) or (2, 3): flint's last variables
-    time: Budget = field(compare=False)  # asked within factors and divisors, which can be long
-
-    rational: ClassVar[bool] = False
+    # Square roots ----------------------------------------------------------------------
 
     @property
     def basis(self) -> tuple[int, ...]:
         """Positions among SQUARES of the square roots in the coefficients, 1 first."""
         return {(2,): (0, 1), (3,): (0, 2), (2, 3): (0, 1, 2, 3)}[self.roots]
-
-    def number(self, value: Exact | int) -> Poly:
-        """A constant of the ring."""
-        return self._poly({(0,) * self.nvars: value})
-
-    def reduce(self, poly: Poly) -> Poly:
-        """The form that has every root to the power of one at most."""
-        gens = self.context.gens()[self.nvars :]
-        for s, d, degree in zip(gens, self.roots, poly.degrees()[self.nvars :], strict=True):
-            if degree > 1:
-                poly = divmod(poly, s * s - d)[1]
-        return poly
-
-    def terms(self, poly: Poly) -> dict[Monomial, Exact]:
-        """Exponents of the joints' variables, and coefficients."""
-        gathered: dict[Monomial, list[Fraction]] = {}
-        nvars, zero = self.nvars, Fraction(0)
-        for m, c in terms_of(poly).items():
-            square = math.prod(d for d, e in zip(self.roots, m[nvars:], strict=True) if e)
-            parts = gathered.setdefault(tuple(map(int, m[:nvars])), [zero] * 4)
-            parts[SQUARES.index(square)] = fraction(c)
-        return {m: surd(*parts) for m, parts in gathered.items()}
-
-    def monomials(self, poly: Poly) -> list[Monomial]:
-        """Exponents of the joints' variables in each term; some perhaps several times."""
-        return [m[: self.nvars] for m in poly.monoms()]
 
     def _poly(self, terms: Mapping[Monomial, Exact | int]) -> Poly:
         """The polynomial of these terms."""
@@ -466,104 +475,6 @@ class SurdRing(Ring):
                         raise ValueError(f"the ring has no square root of {square}")
                     found[m + powers] = part
         return self.context.from_dict({m: rational(c) for m, c in found.items()})
-
-    def is_constant(self, poly: Poly) -> bool:
-        """Return True if no joint occurs."""
-        return all(d <= 0 for d in poly.degrees()[: self.nvars])
-
-    def putting(self, values: Mapping[int, Value]) -> Callable[[Poly], Poly]:
-        """Return what puts exact joint values into one polynomial after the other."""
-        plain = {j: v for j, v in values.items() if not any(isinstance(x, Surd) for x in v)}
-        left = {j: v for j, v in values.items() if j not in plain}
-        put_plain = super().putting(plain)
-        if not left:
-            return put_plain
-        images = list(self.context.gens())
-        for j, value in left.items():
-            for v, x in zip(self.variables(j), value, strict=True):
-                images[v] = self.number(x)
-
-        def put(poly: Poly) -> Poly:
-            return self.reduce(put_plain(poly).compose(*images, ctx=self.context))
-
-        return put
-
-    def coefficients(self, poly: Poly) -> Mapping[Monomial, Any]:
-        """Exponents of the joints' variables, and coefficients that can be divided."""
-        return self.terms(poly)
-
-    def monic(self, poly: Poly) -> Poly:
-        """The multiple with a leading coefficient of 1; zero stays."""
-        terms = self.terms(poly)
-        if not terms:
-            return poly
-        lead = terms[max(terms)]
-        return poly if lead == 1 else self.reduce(poly * self.number(1 / lead))
-
-    def divides(self, p: Poly, poly: Poly) -> bool:
-        """Return True if ``poly`` is a multiple of ``p``, one of the ``factors`` of something."""
-        return bool(self.reduce(divmod(poly, p)[1]) == 0)
-
-    def quotient(self, poly: Poly, p: Poly) -> Poly:
-        """``poly`` over ``p``, which divides it and came from ``factors`` or ``gcd``."""
-        return self.reduce(divmod(poly, p)[0])
-
-    def resultant(self, p: Poly, g: Poly, variable: int) -> Poly:
-        """Resultant with respect to a variable."""
-        return self.reduce(super().resultant(p, g, variable))
-
-    def gcd(self, p: Poly, g: Poly) -> Poly:
-        """Greatest common divisor, its leading coefficient 1."""
-        if p == 0 or g == 0:
-            return self.monic(p + g)
-        if self.is_constant(p) or self.is_constant(g):
-            return self.one
-        of_p, of_g = self._tangents(p), self._tangents(g)
-        if of_p is not None and of_g is not None:
-            degrees = zip(p.degrees(), g.degrees(), strict=True)
-            tangents = [x for x, d in enumerate(degrees) if x in {*of_p, *of_g} and any(d)]
-            if tangents:  # powers of x are lost at x = 1, and those of y are not
-                contents = zip(p.term_content().degrees(), g.term_content().degrees(), strict=True)
-                powers = [min(c) if x in tangents else 0 for x, c in enumerate(contents)]
-                # Flint's gcd of forms modulo a prime may not end where that of the same in half-
-                # angle tangents takes less than a millisecond.
-                at = self._at_one(tangents)
-                found = self._form(self.gcd(p.subs(at), g.subs(at)), tangents)
-                return self.monic(found * self.context.term(exp_vec=powers))
-        p, g = self.monic(p), self.monic(g)
-        if not any(p.degrees()[self.nvars :]) and not any(g.degrees()[self.nvars :]):
-            return self.monic(p.gcd(g))
-        # Terms from which on a gcd may take long: one of two polynomials of 150 took minutes.
-        self.time.check_factor(max(len(p), len(g)), 60)
-        if image(p, self, WORD_PRIME).gcd(image(g, self, WORD_PRIME)).is_constant():
-            return self.one
-        for prime in _primes(min(self._bits_needed(p), self._bits_needed(g))):
-            self.time.check()
-            found = self._lift(image(p, self, prime).gcd(image(g, self, prime)), prime)
-            if found is not None and self.divides(found, p) and self.divides(found, g):
-                return found
-        raise BudgetExceeded("a polynomial with square roots in it has too long coefficients")
-
-    def long_to_factor(self, poly: Poly) -> int | None:
-        """Terms from which on a polynomial may take long to factor: as a budget says."""
-        return None
-
-    def _factors(self, poly: Poly) -> list[Poly]:
-        """Over the field of the roots."""
-        stripped = self.strip(poly)
-        found = self._of_form(stripped)
-        if found is None:
-            found = self._irreducible(stripped)
-        found = [self.monic(f) for f in found]
-        return [f for f in found if not any(w is not None and f == w for w in self.w)]
-
-    def _irreducible(self, poly: Poly) -> list[Poly]:
-        """Irreducible factors of any polynomial, over the field of the roots."""
-        found: list[Poly] = []
-        for f in self._factor(self.monic(poly), len(self.roots)):
-            if f not in found:
-                found.append(f)
-        return found
 
     def _factor(self, poly: Poly, level: int) -> list[Poly]:
         """Irreducible factors over the rationals with the first ``level`` roots adjoined."""
@@ -694,12 +605,52 @@ class SurdRing(Ring):
         return surd(*parts)
 
 
+def make_ring(
+    prismatic: Sequence[bool], roots: tuple[int, ...] = (), time: Budget = _ENDLESS
+) -> Ring:
+    """Ring of a chain with these joints, and square roots."""
+    names: list[str] = []
+    start: list[int] = []
+    for j, slides in enumerate(prismatic, 1):
+        start.append(len(names))
+        names += [f"z{j}"] if slides else [f"x{j}", f"y{j}"]
+    order = Ordering.lex if roots else Ordering.degrevlex
+    context = fmpq_mpoly_ctx.get([*names, *(f"s{d}" for d in roots)], order)
+    gens, kinds = context.gens(), tuple(bool(p) for p in prismatic)
+    both = zip(start, kinds, strict=True)
+    norms = tuple(None if slides else gens[s] ** 2 + gens[s + 1] ** 2 for s, slides in both)
+    return Ring(context, kinds, tuple(start), norms, roots, time)
+
+
+WORD_PRIME, SECOND_PRIME = PRIMES
+"""Both have roots of 2 and 3; what points modulo the first say is asked again modulo the second."""
+
+
+def image(poly: Poly, ring: Ring, prime: int) -> Any:
+    """A polynomial modulo a prime, in the joints' variables."""
+    if ring.rational:
+        inverse: dict[Any, int] = {}
+        terms = {}
+        for m, c in terms_of(poly).items():
+            if c.q not in inverse:
+                inverse[c.q] = pow(int(c.q), -1, prime)
+            terms[m] = int(c.p) * inverse[c.q] % prime
+    else:
+        terms = {m: residue(c, prime) for m, c in ring.terms(poly).items()}
+    names = tuple(ring.context.names()[: ring.nvars])
+    return modular_context(names, prime).from_dict({m: c for m, c in terms.items() if c})
+
+
+@functools.cache
+def modular_context(names: tuple[str, ...], prime: int) -> Any:
+    """Flint's ring of polynomials modulo a prime, lexicographic order."""
+    kind = nmod_mpoly_ctx if prime.bit_length() < 64 else fmpz_mod_mpoly_ctx
+    return kind.get(list(names), prime, Ordering.lex)
+
+
 def ring_of(prismatic: Sequence[bool], numbers: Sequence[Exact], time: Budget) -> Ring:
     """Ring of a chain, with the square roots that its constants have."""
-    if not (roots := roots_of(numbers)):
-        return make_ring(prismatic)
-    context, slides, start, w = layout(prismatic, roots)
-    return SurdRing(context, slides, start, w, roots, time)
+    return make_ring(prismatic, roots_of(numbers), time)
 
 
 def _primes(bits: int) -> Iterator[int]:

@@ -27,7 +27,7 @@ import pinocchio as pin
 from flint import Ordering, fmpq_mpoly_ctx
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.algebra.components import Component, Decomposition
+from pinsing.algebra.components import Component, decompose
 from pinsing.algebra.equation import Equation, equation, format_angle
 from pinsing.algebra.generic_points import Residues
 from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
@@ -720,7 +720,7 @@ def design_form(lengths: Lengths, joints: Sequence[str], seconds: float) -> Desi
     matrix = [row[:n] for row in whole]
     rank = _rank(matrix, ring)
     design = DesignNames(ring, n, (*joints, *lengths.symbols), lengths.offset)
-    search = Decomposition(lambda: matrix, rank, ring, budget)
+    search = decompose(lambda: matrix, rank, ring, budget)
     gaps = list(dict.fromkeys(search.gaps))
     families, assumed, changes = _stated(search.components, design)
     rest = time_left.part(1.0, 0.1)

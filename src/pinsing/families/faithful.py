@@ -68,7 +68,7 @@ class _Form:
         top = max(abs(c) for c in terms.values())
         every = np.array(list(terms), dtype=np.int64)
         self.numbers = np.array([int(q.p) / int(q.q) for q in (c / top for c in terms.values())])
-        for at, square in enumerate(getattr(ring, "roots", ()), ring.nvars):
+        for at, square in enumerate(ring.roots, ring.nvars):
             self.numbers = self.numbers * math.sqrt(square) ** every[:, at]
         self.exponents = every[:, : ring.nvars]
         self.joints = frozenset(ring.joints_of(poly))

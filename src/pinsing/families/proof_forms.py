@@ -21,7 +21,6 @@ from pinsing.algebra.mimic import drives
 from pinsing.algebra.ring import (
     MadeOfEqual,
     Ring as AlgebraRing,
-    SurdRing,
     Value,
     coefficients_by,
     rational,
@@ -390,7 +389,7 @@ class Draft(Certificate):
         norms = tuple(None if s else u for s, u in zip(self.slides, self.ring.unit, strict=True))
         ring = self.ring.context, flat, start, norms
         roots = tuple(self.data["square_roots"])
-        self.algebra = SurdRing(*ring, roots, self._budget) if roots else AlgebraRing(*ring)
+        self.algebra = AlgebraRing(*ring, roots, self._budget)
         lines = super().jacobian()
         self.data["row_steps"] = self._steps(lines)
         rows = self.without_dependent(lines, self.data["row_steps"])
@@ -474,7 +473,7 @@ class Draft(Certificate):
         """A multiple by a constant: whole coefficients without a common factor, or monic."""
         if poly == 0:
             return poly
-        if isinstance(self.algebra, SurdRing):
+        if self.algebra.roots:
             return self.algebra.monic(poly)
         return poly / content(poly)
 
@@ -518,7 +517,7 @@ class Draft(Certificate):
         self._budget.check_factor(len(left))
         # Products of terms that take as long as factoring a short form does, for each of its terms.
         self._budget.spend(30 * len(left) + len(left) ** 2)
-        if isinstance(self.algebra, SurdRing):
+        if self.algebra.roots:
             return self._with_roots(left)
         return [(self.tidy(f), int(k)) for f, k in left.factor()[1]]
 

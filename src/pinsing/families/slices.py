@@ -40,9 +40,9 @@ from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import (
     SECOND_SEED,
     Component,
-    Decomposition,
     RandomSteps,
     Within,
+    decompose,
     merged,
     on_any,
     settled,
@@ -1034,9 +1034,8 @@ class SliceSearch:
             return
         put = self.ring.putting(values)
         matrix = [[put(x) for x in row] for row in self._matrix]
-        rank = len(self.task.rows)
         within = Within(values, self.limit, self.components)
-        found = Decomposition(matrix, rank, self.ring, time, within)
+        found = decompose(lambda: matrix, len(self.task.rows), self.ring, time, within)
         self.components = found.components
         self.steps.append(found.second)
 

@@ -29,7 +29,14 @@ from typing import TYPE_CHECKING, Literal, TypeAlias, overload
 import numpy as np
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.algebra.components import Component, Decomposition, RandomSteps, merged, together
+from pinsing.algebra.components import (
+    Component,
+    Decomposition,
+    RandomSteps,
+    decompose,
+    merged,
+    together,
+)
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
 from pinsing.algebra.mimic import NotFollowed, drives
@@ -253,7 +260,7 @@ class ComponentSearch:
 
     def all_minors(self, time: Budget) -> Decomposition:
         """The components by all minors, as far as the time goes."""
-        return Decomposition(
+        return decompose(
             lambda: jacobian_matrix(self.geometry, self.ring, self.task, time),
             self.rank, self.ring, time,
         )  # fmt: skip

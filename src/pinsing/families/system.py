@@ -79,7 +79,7 @@ class _SystemMaker:
         offset = [float(a) for a in own_offsets(geometry)]
         self.quarters = [round(a / (math.pi / 2)) for a in offset]
         self.shift = [a - k * math.pi / 2 for a, k in zip(offset, self.quarters, strict=True)]
-        roots = getattr(self.ring, "roots", ())
+        roots = self.ring.roots
         named = [(f"r{d}", f"sqrt({d})") for d in roots]
         named += [variable for j in self.joints for variable in self._named(j)]
         self.variables = tuple(named)
