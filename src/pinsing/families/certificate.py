@@ -23,7 +23,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from flint import fmpq_mat
 
 from pinsing.algebra.budget import Apart, Budget, BudgetExceeded
 from pinsing.algebra.jacobian_matrix import constants
@@ -35,6 +34,7 @@ from pinsing.families.proof_forms import (
     Draft,
     NotFound,
     Place,
+    Source,
     Split,
     content,
     divisions,
@@ -48,59 +48,8 @@ from pinsing.families.proof_forms import (
     top_of,
     vanishes,
 )
-from pinsing.proof.checker import MOST_WORK, Poly, Rejected, Ring, verify
+from pinsing.proof.checker import MOST_WORK, Poly, Rejected, verify
 from pinsing.robot.surd import Surd
-
-
-def combination(ring: Ring, form: Poly, others: Sequence[Poly]) -> list[Poly] | None:
-    """Return factors of others whose sum is a form times units; None if none was found."""
-    # Unlike division it needs no order of the joints: the others may all have the same ones.
-    if ring.squares:
-        return None
-    joints = sorted({j for p in others for j in ring.joints(p)})
-    # Powers of units that a form is multiplied by, less one: they are zero at no configuration.
-    for _ in range(3):
-        if (found := _solved(ring, form, others)) is not None:
-            return found
-        for j in joints:
-            form = form * ring.unit[j]
-    return None
-
-
-def _solved(ring: Ring, form: Poly, others: Sequence[Poly]) -> list[Poly] | None:
-    terms = [(k, m) for k, p in enumerate(others) for m in _monomials(ring, form, p)]
-    # Unknown coefficients beyond which nothing is solved.
-    if not terms or len(terms) > 600:
-        return None
-    columns = [(others[k] * m).to_dict() for k, m in terms]
-    target = form.to_dict()
-    rows = {m: i for i, m in enumerate(sorted({*target, *itertools.chain(*columns)}))}
-    matrix = fmpq_mat(len(rows), len(columns) + 1)
-    for at, column in enumerate([*columns, target]):
-        for m, c in column.items():
-            matrix[rows[m], at] = c
-    ring.spend(matrix.nrows() * matrix.ncols())
-    reduced, rank = matrix.rref()
-    found = [ring.zero for _ in others]
-    for i in range(rank):
-        lead = next(at for at in range(len(columns) + 1) if reduced[i, at] != 0)
-        if lead == len(columns):
-            return None
-        k, m = terms[lead]
-        found[k] += reduced[i, len(columns)] * m
-    return found
-
-
-def _monomials(ring: Ring, form: Poly, p: Poly) -> Iterator[Poly]:
-    """Return what a form of the degree of ``form`` over ``p`` may consist of."""
-    parts = []
-    for j, (x, y) in enumerate(ring.pairs):
-        if (left := ring.degree(form, j) - ring.degree(p, j)) < 0:
-            return
-        parts.append([x ** (left - e) * y**e for e in range(left + 1)])
-    for factors in itertools.product(*parts):
-        yield math.prod(factors, start=ring.one)
-
 
 Sum = list[list[Any]]
 """Terms: a polynomial as text, and the number of the form of a family that it is times."""
@@ -267,19 +216,12 @@ def soundness(draft: Draft, family: Place, codimension: int) -> Soundness:
                 found.pivot = pivot
                 return found
     multiples, totals = _Minors(draft, family, minors).sums()
+    place = (family.values, [*family.relations, *totals])
     for minor in minors.values():
         draft.require_time()
-        place = (family.values, [*family.relations, *totals])
-        if draft.ring.vanishes(minor, place):
-            continue
-        combined = combination(draft.ring, draft.ring.stripped(minor)[0], family.relations)
-        if combined is None:
-            break
-        multiples.append(sum_of(len(family.values), dict(enumerate(combined))))
-        totals += draft.ring.stripped(minor)
-    else:
-        return Soundness(multiples=multiples)
-    raise NotFound(f"{place_text(family)} is not shown to be singular")
+        if not draft.ring.vanishes(minor, place):
+            raise NotFound(f"{place_text(family)} is not shown to be singular")
+    return Soundness(multiples=multiples)
 
 
 def _by_division(draft: Draft, family: Place, minor: Poly, found: Soundness) -> bool:
@@ -421,11 +363,12 @@ class Tree:
             and sum(map(len, relations)) <= _DENSE
             and self.draft.shown(lambda: self.ring.codimension_at_least(least, relations))
         ):
-            place.sum, place.cases = [("1", 0)], [(place.forms[0], 1, None)]
+            place.sum, place.cases = [("1", ("of_forms", 0))], [([place.forms[0]], [], 1, None)]
             return
         for k, p in enumerate(relations):
             if [times for _, times in self.draft.factors(p)] != [1]:
-                self._split(place, Split([(self.ring.one, len(place.values) + k)], p))
+                source = "of_forms", len(place.values) + k
+                self._split(place, Split([(self.ring.one, source)], p))
                 return
         if self._by_squares(place):
             return
@@ -458,14 +401,12 @@ class Tree:
         for some in map(list, few):
             if self.draft.shown(lambda some=some: all(vanishes(ring, f, some) for f in images)):  # type: ignore[misc]
                 f = next(f for f in images if not ring.vanishes(f, ({}, relations)))
-                sources = [
-                    len(place.values) + next(i for i, p in enumerate(relations) if p is r)
-                    for r in some
-                ]
+                at = [next(i for i, p in enumerate(relations) if p is r) for r in some]
+                sources = [("of_forms", len(place.values) + i) for i in at]
                 for _, times, multiples in divisions(ring, f, some):
                     terms = [(c, k) for c, k in zip(multiples, sources, strict=True) if c != 0]
                     try:
-                        self._split(place, Split(list(terms), ring.times(times, f)))
+                        self._split(place, Split(terms, ring.times(times, f)))
                     except NotFound:
                         continue
                     return True
@@ -475,7 +416,7 @@ class Tree:
         """Follow each factor of a form that vanishes."""
         factors = self.draft.factors(split.form)
         place.cases = [
-            (f, times, self.place([*place.forms, f], place.points)) for f, times in factors
+            ([f], [], times, self.place([*place.forms, f], place.points)) for f, times in factors
         ]
         product = self.ring.one
         for f, times in factors:
@@ -492,12 +433,12 @@ class Tree:
                 continue
             times, parts = found
             try:
-                place.then = self.place([*place.forms, *(g for _, g in parts)], True)
+                then = self.place([*place.forms, *(g for _, g in parts)], True)
             except NotFound:
                 continue
-            place.squares = parts
-            total = self.ring.times(times, p)
-            place.sum = self.draft.scaled([(times, len(place.values) + k)], total, total)
+            place.cases = [([g for _, g in parts], [w for w, _ in parts], 1, then)]
+            total, source = self.ring.times(times, p), ("of_forms", len(place.values) + k)
+            place.sum = self.draft.scaled([(times, source)], total, total)
             return True
         return False
 
@@ -535,15 +476,13 @@ class Tree:
             yield from self._resultants(place)
 
     def _minors(self, place: Place) -> Iterator[Split]:
-        sides, size = self.draft.sides, self.draft.rank
         minor = self.draft.at(place.values)
-        for rows in itertools.combinations(range(sides[0]), size):
-            for columns in itertools.combinations(range(sides[1]), size):
-                self.draft.require_time()
-                poly = minor(rows, columns)
-                if poly != 0 and not any(self.ring.divides(p, poly) for p in place.relations):
-                    source = {"minor": [list(rows), list(columns)]}
-                    yield Split([(self.ring.one, source)], self.ring.stripped(poly)[0])
+        for lines in _lines(self.draft, self.draft.rank):
+            self.draft.require_time()
+            poly = minor(*lines)
+            if poly != 0 and not any(self.ring.divides(p, poly) for p in place.relations):
+                source: Source = ("of_minors", list(map(list, lines)), [])
+                yield Split([(self.ring.one, source)], self.ring.stripped(poly)[0])
 
     def _without_a_turn(self, place: Place, minors: list[Split]) -> Iterator[Split]:
         """Yield, of minors g cos a and g sin a, the sum that is g but for units."""
@@ -553,15 +492,15 @@ class Tree:
         for first, second in itertools.combinations(minors, 2):
             f, g = first.form, second.form
             ((_, a),), ((_, b),) = first.sum, second.sum
-            if a["minor"][1] != b["minor"][1] or ring.squares or len(f) * len(g) > _LONG:
+            if a[1][1] != b[1][1] or ring.squares or len(f) * len(g) > _LONG:
                 continue
             common = f.gcd(g)
             p, q = divmod(f, common)[0], divmod(g, common)[0]
             (ones,) = ring.stripped(p * p + q * q)
             if ring.joints(p) and not ring.joints(ones):
                 u, v = (
-                    divmod(minor(*map(tuple, source["minor"])), form)[0]
-                    for source, form in ((a, f), (b, g))
+                    divmod(minor(*map(tuple, lines)), form)[0]
+                    for (_, lines, _), form in ((a, f), (b, g))
                 )
                 yield Split([(p * v, a), (q * u, b)], ring.times(ones, common))
 
@@ -579,7 +518,7 @@ class Tree:
         found: dict[int, Split] = {}
         for split in minors:
             free = [j for j in self.ring.joints(split.form) if j not in bound]
-            ((_, source),) = split.sum
+            ((_, (_, lines, _)),) = split.sum
             choices = itertools.product(points, repeat=len(free)) if free else ()
             # Points of free joints that a minor is looked at.
             for choice in itertools.islice(choices, 16):
@@ -590,16 +529,16 @@ class Tree:
                     (poly,) = self.ring.stripped(poly)
                     found.setdefault(
                         self._id(self.draft.tidy(poly)),
-                        Split([(self.ring.one, {**source, "at": at})], poly),
+                        Split([(self.ring.one, ("of_minors", lines, at))], poly),
                     )
         for split in sorted(found.values(), key=lambda s: len(s.form)):
             vanish = functools.partial(vanishes, self.ring, split.form, place.relations)
             # No more than trying the form would take.
             if not self.draft.shown(vanish, most=300_000):
                 # Units are numbers where free joints are at points: the checker has them, too.
-                ((_, source),) = split.sum
-                minor = self.draft.at(place.values)(*map(tuple, source["minor"]))
-                poly = self.ring.put(minor, self.ring.where(source["at"])[0])
+                ((_, (_, lines, at)),) = split.sum
+                minor = self.draft.at(place.values)(*map(tuple, lines))
+                poly = self.ring.put(minor, self.ring.where(at)[0])
                 yield Split(split.sum, self.ring.stripped(poly)[0])
 
     def _resultants(self, place: Place, longest: int = _LONG) -> Iterator[Split]:
@@ -610,7 +549,8 @@ class Tree:
             for j in set(ring.joints(p)) & set(ring.joints(g)):
                 (poly,) = ring.stripped(ring.resultant(p, g, j))
                 if poly != 0:
-                    yield Split([(ring.one, {"resultant": [first + a, first + b, j]})], poly)
+                    source = "of_resultants", first + a, first + b, j
+                    yield Split([(ring.one, source)], poly)
 
     def _plain_resultants(self, place: Place) -> list[Split]:
         """Resultants of short relations that fall apart into forms shorter than both."""
@@ -619,9 +559,8 @@ class Tree:
         # the simplest are tried.
         for split in self._resultants(place, 1000):
             self.draft.require_time()
-            ((_, source),) = split.sum
-            first = len(place.values)
-            both = [len(place.relations[k - first]) for k in source["resultant"][:2]]
+            ((_, (_, a, b, _)),) = split.sum
+            both = [len(place.forms[k]) for k in (a, b)]
             lengths = [len(f) for f, _ in self.draft.factors(split.form)]
             known = any(self.ring.divides(p, split.form) for p in place.relations)
             if not known and max(lengths, default=0) < min(both):
@@ -636,7 +575,8 @@ class Tree:
                 quotient, rest = divmod(p, r)
                 (rest,) = ring.stripped(ring.reduced(rest))
                 if rest != 0 and quotient != 0 and self.draft.is_simpler(rest, p):
-                    yield Split([(ring.one, first + b), (ring.reduced(-quotient), first + a)], rest)
+                    terms = [(ring.one, first + b), (ring.reduced(-quotient), first + a)]
+                    yield Split([(c, ("of_forms", k)) for c, k in terms], rest)
 
     def _toward_families(self, place: Place) -> Iterator[Split]:
         """A relation that is, but for a multiple of another one, that of a family times others."""
@@ -666,7 +606,8 @@ class Tree:
             more = -self.ring.reduced(divmod(rest, g)[0])
             if self.ring.reduced(more * g + rest) == 0:
                 terms = [(times, first + a)] + ([(more, first + b)] if more != 0 else [])
-                yield Split(terms, self.ring.stripped(product)[0])
+                sources = [(c, ("of_forms", k)) for c, k in terms]
+                yield Split(sources, self.ring.stripped(product)[0])
             return
 
     def _divided(self, p: Poly, f: Poly, j: int) -> tuple[Poly, Poly, Poly]:
@@ -760,20 +701,13 @@ def _written(place: Place, draft: Draft, number: Mapping[int, int]) -> dict[str,
         "forms": [draft.number(p) for p in place.forms],
         **{key: [] for key in ("of_forms", "of_minors", "of_resultants", "cases")},
     }
-    for text, source in place.sum:
-        if isinstance(source, int):
-            entry["of_forms"].append([text, source])
-        elif "resultant" in source:
-            entry["of_resultants"].append([text, *source["resultant"]])
-        else:
-            free = [draft.number(p) for p in source.get("at", [])]
-            entry["of_minors"].append([text, source["minor"], free])
-    for f, times, then in place.cases:
-        entry["cases"].append([[draft.number(f)], [], times, *leads(then)])
-    if place.squares:
-        zeros = [draft.number(g) for _, g in place.squares]
-        weights = [str(c) for c, _ in place.squares]
-        entry["cases"].append([zeros, weights, 1, *leads(place.then)])
+    for text, (key, *source) in place.sum:
+        if key == "of_minors":
+            source[1] = [draft.number(p) for p in source[1]]
+        entry[key].append([text, *source])
+    for forms, weights, times, then in place.cases:
+        zeros = [draft.number(f) for f in forms]
+        entry["cases"].append([zeros, list(map(str, weights)), times, *leads(then)])
     return entry
 
 
@@ -786,7 +720,7 @@ def _ordered(root: Place | None) -> list[Place]:
         if place is None or id(place) in seen or place.family is not None:
             return
         seen.add(id(place))
-        for then in [*(then for _, _, then in place.cases), place.then]:
+        for *_, then in place.cases:
             visit(then)
         order.append(place)
 

@@ -10,7 +10,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from flint import acb_poly, ctx, fmpq, fmpq_poly
@@ -308,6 +308,12 @@ Values = dict[int, tuple[Poly, Poly]]
 """Joints at points (x : y)."""
 
 
+Source: TypeAlias = tuple[Any, ...]
+"""Where certificates list what vanishes, and which of it: ``"of_forms", 0``."""
+Term = tuple[str, Source]
+"""A form as text, and the source that it is times."""
+
+
 @dataclass(eq=False)
 class Place:
     """One place of the tree, with how it is closed or split."""
@@ -319,20 +325,17 @@ class Place:
     points: bool = False  # whether only real points are followed from here on, not whole components
     family: int | None = None  # the family that it lies in: then it is closed
     # what is split: forms as text, and the source that each is times
-    sum: list[tuple[str, Any]] = field(default_factory=list)
-    # factors, how often each is there, and where it leads; None where that is empty, or too small
-    # for a component
-    cases: list[tuple[Poly, int, Place | None]] = field(default_factory=list)
-    # instead of cases: factors and forms that are squared
-    squares: Squares = field(default_factory=list)
-    then: Place | None = None  # where squares lead to
+    sum: list[Term] = field(default_factory=list)
+    # a factor, or forms that are squared with positive weights; how often that is there; and where
+    # it leads, None where that is empty, or too small for a component
+    cases: list[tuple[list[Poly], list[fmpq], int, Place | None]] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
 class Split:
     """A form that vanishes on all components of a place, as a sum of multiples of sources."""
 
-    sum: list[tuple[Poly, Any]]
+    sum: list[tuple[Poly, Source]]
     form: Poly
 
 
@@ -341,10 +344,6 @@ def place_text(place: Place) -> str:
     values = ", ".join(f"joint {j + 1} at {x}:{y}" for j, (x, y) in sorted(place.values.items()))
     relations = ", ".join(f"{len(p)} terms" for p in place.relations)
     return f"[{values or 'anywhere'}; {relations or 'no relations'}]"
-
-
-Term = tuple[str, Any]
-"""A form as text, and the source that it is times."""
 
 
 _ASKED_AFTER = 100_000
@@ -539,7 +538,7 @@ class Draft(Certificate):
             found.append((f, times))
         return found
 
-    def scaled(self, terms: list[tuple[Poly, Any]], form: Poly, product: Poly) -> list[Term]:
+    def scaled(self, terms: list[tuple[Poly, Source]], form: Poly, product: Poly) -> list[Term]:
         """A sum as it is written: scaled so that it is the product, units aside."""
         (form,) = self.ring.stripped(form)
         (lead,) = self.algebra.terms(self._leading(form)).values()
