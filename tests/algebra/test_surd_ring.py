@@ -149,7 +149,7 @@ def test_joint_values_with_square_roots():
     assert r.joint_value(r.monic(z * r.number(ROOT2) - r.one)) == (2, (ROOT2 / 2,))
     assert r.joint_value(x * u - y * v) is None
     assert r.joint_value(x**2 - 3 * y**2) is None
-    put = r.substitute(x * v - y * u * r.number(ROOT2), {0: (Fraction(1), tan)})
+    put = r.putting({0: (Fraction(1), tan)})(x * v - y * u * r.number(ROOT2))
     assert put == v - u * r.number(ROOT2 * tan)
     r = ring(ROOT3)
     x1, y1, x2, _, z = gens(r)

@@ -9,7 +9,7 @@ from singular_sets import terms
 
 from pinsing.algebra.equation import Equation
 from pinsing.families import zero_set
-from pinsing.families.zero_set import SearchBox, draw, orders, project, residuals, search
+from pinsing.families.zero_set import SearchBox, draw, orders, project, search, system_of
 
 SHIFT = (-0.3, 0.05, 0.4)
 ONCE = terms(((2, 0, 0), (0, 0, 0), 0.5, 0.2), ((0, 2, 2), (0, 0, 0), 0.3, -0.4), shift=SHIFT)
@@ -30,7 +30,7 @@ def test_points_are_on_the_set_and_in_the_box(e: Equation, width: float) -> None
     for order in orders([e], FREE):
         q = draw(order, SearchBox(lower, upper, FREE, ZERO), 4000, np.random.default_rng(1))
         assert len(q) > 50
-        assert np.abs(residuals([e], q)).max() < 2e-13
+        assert np.abs(system_of([e]).values(q)).max() < 2e-13
         assert ((q >= lower - 1e-9) & (q <= upper + 1e-9)).all()
         solved = order[0].joint
         assert np.ptp(q[:, solved]) > 0.5
@@ -46,7 +46,7 @@ def test_what_is_solved_for_and_in_which_order() -> None:
     for order in found:
         q = draw(order, SearchBox(-WIDE, WIDE, FREE, ZERO), 3000, RNG(2))
         assert len(q) > 100
-        assert np.abs(residuals([ONCE, HALF], q)).max() < 1e-14
+        assert np.abs(system_of([ONCE, HALF]).values(q)).max() < 1e-14
     both = terms(((2, 2, 2), (0, 0, 0), 0.5, 0.2), ((0, 0, 0), (0, 0, 0), 0.1, 0.0), shift=SHIFT)
     assert orders([both, ONCE], FREE) == []  # each joint of the one is in the other
     free, fixed = np.array([True, True, False]), np.array([0.0, 0.0, 1.25])
@@ -58,7 +58,7 @@ def test_a_box_with_nothing_in_it_is_not_searched_at_random(monkeypatch):
     middle = np.array([0.3, -0.2, 0.1])
     q = draw(orders([ONCE], FREE)[0], SearchBox(middle - 3, middle + 3, FREE, ZERO), 500, RNG(2))
     far = middle + np.array([0.4, 0.9, 0.9])
-    values = residuals([ONCE], RNG(3).uniform(far - 0.15, far + 0.15, (4000, 3)))
+    values = system_of([ONCE]).values(RNG(3).uniform(far - 0.15, far + 0.15, (4000, 3)))
     assert len(q)
     assert np.abs(values).min() > 0.01
     drawn = []

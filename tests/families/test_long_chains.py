@@ -10,7 +10,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.families.describe import PieceMaker
 from pinsing.families.long_chain import LongChain
 from pinsing.families.solve import joint_symbols
-from pinsing.families.zero_set import SearchBox, draw, peeled, residuals
+from pinsing.families.zero_set import SearchBox, draw, peeled, system_of
 from pinsing.kinematics.jacobian import generic_rank, ratios, task_jacobians
 from pinsing.robot.nominal import nominal
 
@@ -33,7 +33,7 @@ def on_any(branches, q):
     for branch in branches:
         away = [np.remainder(q[v.joint] - v.value + 1, 2 * np.pi) - 1 for v in branch.values]
         equations = branch.equations
-        off = np.abs(residuals(equations, q[None])).max() if equations else 0.0
+        off = np.abs(system_of(equations).values(q[None])).max() if equations else 0.0
         if max(np.abs([*away, off])) < 1e-7:
             return True
     return False
@@ -84,7 +84,7 @@ def test_thirteen_joints_are_answered(thirteen):
     low = np.full(13, -np.pi)
     q = draw(order, SearchBox(low, -low, every, np.zeros(13)), 40, np.random.default_rng(3))
     assert len(q) >= 40
-    assert np.abs(residuals(equations, q)).max() < 1e-9
+    assert np.abs(system_of(equations).values(q)).max() < 1e-9
     assert len(np.unique(q[:, 1:-1].round(9), axis=0)) == len(q)  # no copies, end joints aside
     assert len(np.unique(q[:, order[0].joint].round(9))) >= 20
     sigma = pinsing.singular_values(arm, q)

@@ -43,7 +43,7 @@ def test_points_are_singular_where_all_minors_of_neighbours_vanish(snake):
 def test_joints_at_values_are_there(snake):
     arm, geometry, ring, minors = snake
     place = {3: (1, 0), 5: (2, 1)}
-    put = [ring.strip(ring.substitute(m, place)) for m in minors[:2]]
+    put = [ring.strip(ring.putting(place)(m)) for m in minors[:2]]
     points = ModularPoints(geometry, arm.task, ring, 2).points(place, put, 3, Budget(60))
     assert len(points) == 3
     for p in points:

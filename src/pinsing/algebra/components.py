@@ -198,7 +198,7 @@ def inside(a: Component, b: Component, ring: Ring) -> bool:
     """Return True if a component lies in another one, as far as substitution and division tell."""
     if any(a.values.get(j) != v for j, v in b.values.items()):
         return False
-    rests = (ring.substitute(r, a.values) for r in b.relations)
+    rests = map(ring.putting(a.values), b.relations)
     return all(rest == 0 or any(ring.divides(p, rest) for p in a.relations) for rest in rests)
 
 
@@ -345,27 +345,18 @@ def _expanded(relations: Sequence[Poly], points: Sequence[SlicePoint], ring: Rin
     """Coefficients with respect to all joints that no part of the points depends on."""
     polys = list(relations)
     for j in sorted({j for p in polys for j in ring.joints_of(p)}):
-        together = _coefficients_on(polys, j, points, ring)
-        if together is not None:
-            polys = together
+        variables, parts = ring.variables(j), list[Poly]()
+        for p in polys:
+            free = not any(p.degrees()[v] for v in variables)
+            mine = [p] if free else list(coefficients_by(p, variables).values())
+            mine = [ring.strip(c) for c in mine]
+            parts += mine
+            # Equations after which expanding is given up.
+            if len(parts) > 60 or not all(s.is_zero(c) for c in mine for s in points):
+                break
+        else:
+            polys = parts
     return polys
-
-
-def _coefficients_on(
-    polys: Sequence[Poly], joint: int, points: Sequence[SlicePoint], ring: Ring
-) -> list[Poly] | None:
-    """All coefficients with respect to a joint, if they are not too many and zero at all points."""
-    variables = ring.variables(joint)
-    out: list[Poly] = []
-    for p in polys:
-        free = not any(p.degrees()[v] for v in variables)
-        mine = [p] if free else list(coefficients_by(p, variables).values())
-        mine = [ring.strip(c) for c in mine]
-        out += mine
-        # Equations after which expanding is given up.
-        if len(out) > 60 or not all(s.is_zero(c) for c in mine for s in points):
-            return None
-    return out
 
 
 def _distinct(polys: Sequence[Poly], ring: Ring) -> list[Poly]:
@@ -460,9 +451,19 @@ def regular_parts(
     system and more equations, or one value of a joint alone, within which the search goes on; none
     if they were not told apart.
     """
-    telling = [
-        f for f in _projections(relations, ring, time) if not all(s.is_zero(f) for s in singular)
-    ]
+    # Factors of the resultants of all two of the equations, by all joints that they share.
+    found: dict[str, Poly] = {}
+    for p, g in itertools.combinations(relations, 2):
+        # Largest product of term counts for which a symbolic resultant is tried.
+        if len(p) * len(g) > 4_000:
+            continue
+        for joint in sorted(set(ring.joints_of(p)) & set(ring.joints_of(g))):
+            time.check()
+            resultant = ring.strip(ring.eliminated(p, g, joint))
+            if resultant != 0:
+                found |= {str(f): f for f in ring.factors(resultant, time)}
+    factors = sorted(found.values(), key=len)
+    telling = [f for f in factors if not all(s.is_zero(f) for s in singular)]
     groups: dict[frozenset[int], list[SlicePoint]] = {}
     for s in regular:
         on = frozenset(i for i, f in enumerate(telling) if s.is_zero(f))
@@ -483,21 +484,6 @@ def regular_parts(
             left = [s for s in left if s.is_zero(telling[best])]
         parts.append((tuple(chosen), points))
     return parts
-
-
-def _projections(relations: Sequence[Poly], ring: Ring, time: Budget) -> list[Poly]:
-    """Factors of the resultants of all two of the equations, by all joints that they share."""
-    found: dict[str, Poly] = {}
-    for p, g in itertools.combinations(relations, 2):
-        # Largest product of term counts for which a symbolic resultant is tried.
-        if len(p) * len(g) > 4_000:
-            continue
-        for joint in sorted(set(ring.joints_of(p)) & set(ring.joints_of(g))):
-            time.check()
-            resultant = ring.strip(ring.eliminated(p, g, joint))
-            if resultant != 0:
-                found |= {str(f): f for f in ring.factors(resultant, time)}
-    return sorted(found.values(), key=len)
 
 
 Relations = tuple[Poly, ...]
@@ -736,11 +722,15 @@ class Search:
 
     def _eliminate(self, p: Poly, g: Poly, place: SearchPlace, singular: list[SlicePoint]) -> None:
         """Look for components of p = g = 0 by the factors of a resultant, free of one joint."""
-        shared = self.ring.shared_joints(p, g)
+        degrees = zip(p.degrees(), g.degrees(), strict=True)
+        each = [int(a) * int(b) for a, b in degrees]
+        shared = set(self.ring.joints_of(p)) & set(self.ring.joints_of(g))
+        # By which joint a resultant is simplest.
+        joint = min(shared, key=lambda j: each[self.ring.variables(j)[-1]], default=None)
         # Largest product of term counts for which a symbolic resultant is tried.
-        if not shared or len(p) * len(g) > 2_000:
+        if joint is None or len(p) * len(g) > 2_000:
             return
-        resultant = self.ring.strip(self.ring.eliminated(p, g, shared[0]))
+        resultant = self.ring.strip(self.ring.eliminated(p, g, joint))
         for h in self.ring.factors(resultant, self.time):
             fixed = self.ring.joint_value(h)
             if fixed is not None:
@@ -919,9 +909,6 @@ def decompose(
     if ended.result is not None:
         return ended.result
     # Points that found some are gone with the child: only division shows which lie in others.
-    left = list[Component]()
-    for c in sorted([*found.all, *ended.told], key=by_size):
-        if not any(inside(c, k, ring) for k in left):
-            left.append(c)
+    left = merged([], sorted([*found.all, *ended.told], key=by_size), ring)
     asked = RandomSteps(len(search.asked) + 1, (WORD_PRIME,), (FIRST_SEED,), (ended.reason,))
     return Decomposition(left, [*search.gaps, ended.reason], asked)

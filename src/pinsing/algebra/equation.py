@@ -66,12 +66,6 @@ class Style:
             return (r"\pm " if self.latex else "±") + self.angle(ordered[1])
         return (r"\ \text{or}\ " if self.latex else " or ").join(map(self.angle, ordered))
 
-    def small_angle(self, radians: float) -> str:
-        """Like ``angle``, but never zero."""
-        if round(math.degrees(radians), 4) != 0:
-            return self.angle(radians)
-        return f"{math.degrees(radians):.2g}" + (r"^\circ" if self.latex else "°")
-
 
 PLAIN = Style("cos", "sin", False)
 
@@ -124,19 +118,6 @@ def signed_sum(pieces: Sequence[tuple[float, str]], tight: bool = False) -> str:
     """Sum of signed pieces, a coefficient of one left out."""
     terms = ((c < 0, times(f"{abs(c):.6g}", body)) for c, body in pieces)
     return joined(terms, "" if tight else " ")
-
-
-def exact_sum(pieces: Sequence[tuple[Exact, str]], latex: bool) -> str:
-    """Sum of pieces with exact numbers; sums with roots stand in brackets."""
-    terms = []
-    for number, body in pieces:
-        parts = [p for p in parts_of(number) if p]
-        negative = len(parts) == 1 and parts[0] < 0
-        size = exact_text(-number if negative else number)
-        if latex:
-            size = re.sub(r"sqrt\((\d)\)", r"\\sqrt{\1}", size)
-        terms.append((negative, times(f"({size})" if len(parts) > 1 else size, body)))
-    return joined(terms)
 
 
 Key = tuple[tuple[int, ...], tuple[int, ...]]
@@ -246,6 +227,22 @@ class Equation(Memory):
         """Size that a residual is relative to: 1e-14 of it is rounding."""
         return self.size * max(1.0, self.accuracy / 1e-14)
 
+    def enters(self, joint: int) -> str:
+        """Return how a joint enters if it does so once, else nothing.
+
+        ``two``: by its cosine and sine beside other terms; ``opposite``: in all terms; ``half``: by
+        those of half of it; ``length``: a slider, to the first power.
+        """
+        rates = set(np.abs(self.frequencies[:, joint]).tolist())
+        powers = set(self.powers[:, joint].tolist())
+        if powers != {0}:
+            return "length" if powers <= {0, 1} and rates == {0} else ""
+        if rates == {1}:
+            return "half"
+        # Twice its multiples.
+        once = rates <= {0, 2} and rates != {0}
+        return ("two" if 0 in rates else "opposite") if once else ""
+
     @property
     def half_angle(self) -> bool:
         """True if half-angles occur, so that q and q + 2 pi give opposite signs."""
@@ -283,17 +280,18 @@ class Equation(Memory):
 
     def scaled(self, factor: float) -> Equation:
         """Return the same equation with all coefficients multiplied."""
-        turned = ((_negated(c), _negated(s)) for c, s in self.exact)
-        exact = tuple(turned) if factor < 0 else self.exact
+        exact = self.exact
+        if factor < 0:
+            exact = tuple((exact_text(-exact_of(c)), exact_text(-exact_of(s))) for c, s in exact)
         return replace(self, cos=self.cos * factor, sin=self.sin * factor, exact=exact)
 
     def text(self) -> str:
         """Return ``0.4318 cos q2 + 0.0203 cos(q2+q3) - 0.4318 sin(q2+q3) = 0``, or such a line."""
-        return self._angle_sum(PLAIN) or f"{signed_sum(self._pieces(PLAIN))} = 0"
+        return self._line(PLAIN)
 
     def latex(self) -> str:
         """Return the same line in LaTeX."""
-        return self._angle_sum(LATEX) or f"{signed_sum(self._pieces(LATEX))} = 0"
+        return self._line(LATEX)
 
     def exact_text(self, latex: bool = False) -> str:
         """Return the same line with exact coefficients, or nothing where they are not known.
@@ -304,7 +302,7 @@ class Equation(Memory):
             As LaTeX.
         """
         style = LATEX if latex else PLAIN
-        if not self.exact or self._angle_sum(style):
+        if not self.exact or self.angle_sum is not None:
             return ""
         numbers = [(exact_of(c), exact_of(s)) for c, s in self.exact]
         pieces = [
@@ -314,7 +312,15 @@ class Equation(Memory):
             if float(numbers[t][value])
         ]
         pieces = pieces if len(pieces) > 1 else [(Fraction(1), body) for _, body in pieces]
-        return f"{exact_sum(pieces, latex)} = 0"
+        terms = []
+        for number, body in pieces:  # sums with roots stand in brackets
+            parts = [p for p in parts_of(number) if p]
+            negative = len(parts) == 1 and parts[0] < 0
+            size = exact_text(-number if negative else number)
+            if latex:
+                size = re.sub(r"sqrt\((\d)\)", r"\\sqrt{\1}", size)
+            terms.append((negative, times(f"({size})" if len(parts) > 1 else size, body)))
+        return f"{joined(terms)} = 0"
 
     def __str__(self) -> str:
         return self.text()
@@ -343,19 +349,18 @@ class Equation(Memory):
         names = self._angle(2 * self.frequencies[0], style, shift=False).strip("()")
         return f"{names} = {style.angles(angles)} {style.modulo}"
 
-    def _angle_sum(self, style: Style) -> str | None:
-        angle = self.angle_sum
-        return None if angle is None else self.angle_sum_text([angle], style.latex)
-
-    def _pieces(self, style: Style) -> list[tuple[float, str]]:
+    def _line(self, style: Style) -> str:
         """Signed coefficients and what they multiply, a good order for reading."""
+        if (angle := self.angle_sum) is not None:
+            return self.angle_sum_text([angle], style.latex)
         pieces = [
             (coefficient, body)
             for t in self._reading_order
             for value, body in self._bodies(t, style)
             if self._tells(t, coefficient := float((self.cos, self.sin)[value][t]))
         ]
-        return pieces if len(pieces) > 1 else [(1.0, body) for _, body in pieces]
+        pieces = pieces if len(pieces) > 1 else [(1.0, body) for _, body in pieces]
+        return f"{signed_sum(pieces)} = 0"
 
     def leading(self) -> float:
         """Return the coefficient that is read first."""
@@ -363,13 +368,8 @@ class Equation(Memory):
         return next((x for t, x in every if self._tells(t, x)), 0.0)
 
     def _tells(self, t: int, coefficient: float) -> bool:
-        """Whether a coefficient of a term is more than rounding."""
-        return t in self._constants or abs(coefficient) > _NOTHING * self.size
-
-    @cached_property
-    def _constants(self) -> frozenset[int]:
-        """Terms without any angle."""
-        return frozenset(np.flatnonzero(~self.frequencies.any(axis=1)).tolist())
+        """Whether a coefficient of a term is more than rounding, or of no angle."""
+        return abs(coefficient) > _NOTHING * self.size or not self.frequencies[t].any()
 
     def _bodies(self, t: int, style: Style) -> list[tuple[int, str]]:
         """Return what the cosine (0) and the sine (1) of a term multiply."""
@@ -404,13 +404,12 @@ class Equation(Memory):
         offset = math.remainder(float(frequency @ self.shift) / (1 if halves else 2), 2 * math.pi)
         single = len(parts) == 1 and parts[0][0] == 1
         if shift and abs(offset) > 1e-12:
-            text, single = moved(text, offset, style.small_angle(abs(offset))), False
+            size = abs(math.degrees(offset))
+            small = f"{size:.2g}" + (r"^\circ" if style.latex else "°")
+            size_text = style.angle(abs(offset)) if round(size, 4) else small
+            text, single = moved(text, offset, size_text), False
         inner = text if single else f"({text})"
         return f"({inner}/2)" if halves else inner
-
-
-def _negated(number: str) -> str:
-    return exact_text(-exact_of(number))
 
 
 def equation(poly: Poly, ring: Ring, joints: Sequence[str], offset: Array) -> Equation:

@@ -216,10 +216,6 @@ class Ring:
             return bool(poly.is_constant())
         return all(d <= 0 for d in poly.degrees()[: self.nvars])
 
-    def substitute(self, poly: Poly, values: Mapping[int, Value]) -> Poly:
-        """Put exact joint values into ``poly``."""
-        return self.putting(values)(poly)
-
     def putting(self, values: Mapping[int, Value]) -> Callable[[Poly], Poly]:
         """Return what puts exact joint values into one polynomial after the other."""
         names, images = self.context.names(), list(self.context.gens())
@@ -304,15 +300,6 @@ class Ring:
     def resultant(self, p: Poly, g: Poly, variable: int) -> Poly:
         """Resultant with respect to a variable."""
         return self.reduce(p.resultant(g, self.context.names()[variable]))
-
-    def shared_joints(self, p: Poly, g: Poly) -> list[int]:
-        """Joints that occur in both, those by which a resultant is simplest first."""
-
-        def degree(j: int) -> int:
-            v = self.variables(j)[-1]
-            return int(p.degrees()[v]) * int(g.degrees()[v])
-
-        return sorted(set(self.joints_of(p)) & set(self.joints_of(g)), key=degree)
 
     def eliminated(self, p: Poly, g: Poly, joint: int) -> Poly:
         """Resultant of two forms in the variables of one joint."""

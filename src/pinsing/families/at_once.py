@@ -27,7 +27,7 @@ import numpy as np
 
 from pinsing.algebra.conditions import Branch
 from pinsing.algebra.equation import Equation, format_angle, joined, latex_symbol, moved, times
-from pinsing.families.zero_set import MOST_ORDERED, Step, gradients, peeled
+from pinsing.families.zero_set import MOST_ORDERED, Step, peeled, system_of
 from pinsing.measures import Array, ArrayLike
 from pinsing.prose import listed
 from pinsing.robot.surd import exact_of, parts_of
@@ -479,13 +479,13 @@ def joint_form(
 
 def _joint_form(equation: Equation, joint: int | None, exact: bool) -> JointForm | None:
     if joint is None:
-        found = [(j, _kind(equation, j)) for j in equation.involved]
+        found = [(j, equation.enters(j)) for j in equation.involved]
         every = [j for j, kind in found if kind in ("opposite", "half")]
         once = [j for j, kind in found if kind]
         if not once or len(equation.involved) < 2:
             return None
         joint = (every or once)[0]
-    kind = _kind(equation, joint)
+    kind = equation.enters(joint)
     parts = expressions(equation, joint, exact) if kind else None
     if parts is None:
         return None
@@ -494,26 +494,6 @@ def _joint_form(equation: Equation, joint: int | None, exact: bool) -> JointForm
     return JointForm(
         equation, joint, kind, parts.get(first), parts.get((f"sin{half}", 1)), parts.get(("one", 0))
     )
-
-
-def enters_once(equation: Equation, joint: int) -> bool:
-    """Return True if an equation of several joints can be solved for this one."""
-    return len(equation.involved) > 1 and bool(_kind(equation, joint))
-
-
-def _kind(equation: Equation, joint: int) -> str:
-    """Return how a joint enters, if it does so once."""
-    frequencies = {int(f) for f in equation.frequencies[:, joint]}
-    powers = {int(p) for p in equation.powers[:, joint]}
-    if powers == {0, 1} and frequencies == {0}:
-        return "length"
-    if powers != {0} or frequencies == {0}:
-        return ""
-    if frequencies <= {1, -1}:
-        return "half"
-    if frequencies <= {0, 2, -2}:  # twice its multiples
-        return "two" if 0 in frequencies else "opposite"
-    return ""
 
 
 LONG = 12
@@ -656,7 +636,7 @@ def at_once(branch: Branch, q: Array, symbols: Sequence[str]) -> AtOnce | None:
     equations = branch.equations
     if not long_ones(equations):
         return None
-    slopes = gradients(equations, q[None])[0]
+    slopes = system_of(equations).gradients(q[None])[0]
     sizes = np.linalg.svd(slopes, compute_uv=False)
     rank = int((sizes > _INDEPENDENT * max(float(sizes[0]), 1e-300)).sum())
     fixed = {v.joint for v in branch.values}
@@ -691,7 +671,8 @@ def _in_turn(
     )
     if rank > MOST_ORDERED:
         return _peeled(rows, rank)
-    once = [(e, s, [j for j in e.involved if enters_once(e, j)]) for e, s in rows[:6]]
+    several = [(e, s) for e, s in rows[:6] if len(e.involved) > 1]
+    once = [(e, s, [j for j in e.involved if e.enters(j)]) for e, s in several]
     tried = 0
     for some in itertools.combinations(once, rank):
         for follow in itertools.product(*(joints for _, _, joints in some)):
@@ -738,7 +719,7 @@ def _told(step: Step) -> str:
     names = step.equation.joints
     others = [names[j] for j in step.equation.involved if j != step.joint]
     given = f" given {listed(others)}" if others else ""
-    count = "two solutions" if step.kind == "once" else "one solution"
+    count = "two solutions" if step.kind in ("two", "opposite") else "one solution"
     return f"{names[step.joint]} has {count}{given} [{len(step.equation.cos)} terms]"
 
 

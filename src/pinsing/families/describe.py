@@ -62,13 +62,12 @@ from pinsing.families.zero_set import (
     SearchBox,
     Stop,
     fix_joint,
-    gradients,
     near,
     never_zero,
     project,
     proven_empty,
-    residuals,
     search,
+    system_of,
     thrown,
 )
 from pinsing.kinematics.at import Loss, State, loss_at
@@ -199,9 +198,9 @@ class PieceMaker:
         values = {v.joint: v.exact for v in branch.values if v.exact is not None}
         if len(values) < len(branch.values):
             return False
-        return all(values.get(j) == x for j, x in component.values.items()) and all(
-            self.ring.substitute(r, values) == 0 for r in component.relations
-        )
+        if any(values.get(j) != x for j, x in component.values.items()):
+            return False
+        return all(p == 0 for p in map(self.ring.putting(values), component.relations))
 
     def _solvable(self, component: Component) -> tuple[list[Poly], list[Poly]]:
         """Return the relations that fix joint values, and the others."""
@@ -309,7 +308,7 @@ class PieceMaker:
         """How far (N,) configurations are from joint values and, in equations' sizes, relations."""
         branch = self.branch_of(values, relations)
         parts = [np.zeros(len(q)), *(self.away(q, v) for v in branch.values)]
-        parts += list(np.abs(residuals(branch.equations, q)).T) if branch.equations else []
+        parts += list(np.abs(system_of(branch.equations).values(q)).T) if branch.equations else []
         return np.asarray(np.max(parts, axis=0))
 
     def rounds(self, wanted: int = ROUNDS) -> int:
@@ -794,7 +793,7 @@ def _owners(family: Family, points: Array) -> list[int]:
     for i, branch in enumerate(family.branches):
         off[i] = np.linalg.norm(branch.off(points, family.space), axis=-1)
         if branch.equations:
-            off[i] += np.abs(residuals(branch.equations, points)).max(axis=-1)
+            off[i] += np.abs(system_of(branch.equations).values(points)).max(axis=-1)
     return [int(i) for i in off.argmin(axis=0)]
 
 
@@ -828,7 +827,7 @@ def _solved(branch: Branch, start: Array) -> Iterator[Array]:
     """Points of a branch that differ from ``start`` in as few joints as it has equations."""
     joints = sorted({j for e in branch.equations for j in e.involved})
     count = min(len(branch.equations), len(joints))
-    slope = np.abs(gradients(branch.equations, start[None])[0]).sum(axis=0)
+    slope = np.abs(system_of(branch.equations).gradients(start[None])[0]).sum(axis=0)
     order = sorted(joints, key=lambda j: -slope[j])
     for chosen in itertools.islice(itertools.combinations(order, count), 8):
         free = np.zeros(len(start), dtype=bool)
@@ -1034,7 +1033,7 @@ def _codimension(branch: Branch, q: Array, complex_codimension: int) -> int:
         return len(branch.values)
     if len(branch.equations) == 1:
         return complex_codimension
-    sizes = np.linalg.svd(gradients(branch.equations, q[None])[0], compute_uv=False)
+    sizes = np.linalg.svd(system_of(branch.equations).gradients(q[None])[0], compute_uv=False)
     # Singular values of gradients that count, relative to the largest.
     independent = int((sizes > 1e-7 * max(float(sizes[0]), 1e-300)).sum())
     return max(complex_codimension, len(branch.values) + independent)

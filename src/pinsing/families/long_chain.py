@@ -44,7 +44,7 @@ from pinsing.algebra.jacobian_matrix import NearMinors, NotSquare
 from pinsing.algebra.mimic import own_jacobian_modulo
 from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value, coefficients_by
 from pinsing.families.describe import PieceMaker
-from pinsing.families.zero_set import SearchBox, gradients, project
+from pinsing.families.zero_set import SearchBox, project, system_of
 from pinsing.kinematics.jacobian import ratios, task_jacobians
 from pinsing.measures import Array, Bool
 from pinsing.robot.nominal import PRIMES, Nominal
@@ -278,7 +278,7 @@ def freedom(branch: Branch, q: Array) -> int:
     loose = np.eye(len(q))[free]
     if not branch.equations:
         return len(loose)
-    _, sizes, right = np.linalg.svd(gradients(branch.equations, q[None])[0] @ loose.T)
+    _, sizes, right = np.linalg.svd(system_of(branch.equations).gradients(q[None])[0] @ loose.T)
     rank = int((sizes > 1e-6 * max(float(sizes[0]), 1e-300)).sum())
     directions = right[rank:] @ loose
     if not len(directions):

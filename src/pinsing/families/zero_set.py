@@ -73,7 +73,7 @@ MOST_ORDERED = 3
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One equation solved for one joint: kind "once", "half" or "length", as in `joint_form`."""
+    """One equation solved for one joint: and how it enters that."""
 
     equation: Equation
     joint: int
@@ -90,7 +90,7 @@ def orders(equations: Sequence[Equation], free: Bool) -> list[Order]:
     if not equations:
         return []
     solvable = {
-        id(e): [(j, k) for j in e.involved if free[j] and (k := _kind(e, j))] for e in equations
+        id(e): [(j, k) for j in e.involved if free[j] and (k := e.enters(j))] for e in equations
     }
     if not all(solvable.values()):
         return []
@@ -105,7 +105,7 @@ def orders(equations: Sequence[Equation], free: Bool) -> list[Order]:
             ):
                 found.append(steps)
     # Different joints first: what one of them seldom has a value for another one may.
-    found.sort(key=lambda steps: sum(s.kind == "once" for s in steps))
+    found.sort(key=lambda steps: sum(s.kind in ("two", "opposite") for s in steps))
     # Ways to solve that are made use of.
     return found[:3]
 
@@ -134,7 +134,7 @@ def peeled(equations: Sequence[Equation], free: Bool, prefer: int = 0) -> Order 
             (j, e, kind)
             for e in left
             for j in e.involved
-            if free[j] and count[j] == 1 and (kind := _kind(e, j))
+            if free[j] and count[j] == 1 and (kind := e.enters(j))
         ]
         if not options:
             return None
@@ -174,20 +174,12 @@ def draw(order: Order, box: SearchBox, count: int, rng: np.random.Generator) -> 
     return q
 
 
-def _kind(equation: Equation, joint: int) -> str:
-    """Return how a joint enters, if it does so once."""
-    rates = set(np.abs(equation.frequencies[:, joint]).tolist())
-    powers = set(equation.powers[:, joint].tolist())
-    if powers != {0}:
-        return "length" if powers <= {0, 1} and rates == {0} else ""
-    return "once" if rates <= {0, 2} else "half" if rates == {1} else ""
-
-
 def _solved(step: Step, q: Array, rng: np.random.Generator) -> tuple[Array, Bool]:
     """Return values (N,) of the joint given the others of q (N, n), and if there are any."""
     # The equation at two or three values of the joint tells its coefficients.
-    places = {"once": (0.0, np.pi / 2, np.pi), "half": (0.0, np.pi), "length": (0.0, 1.0)}
-    at = np.array(places[step.kind]) - (step.kind != "length") * step.equation.shift[step.joint]
+    places = {"half": (0.0, np.pi), "length": (0.0, 1.0)}
+    at = np.array(places.get(step.kind, (0.0, np.pi / 2, np.pi)))
+    at = at - (step.kind != "length") * step.equation.shift[step.joint]
     trial = np.repeat(q[None], len(at), axis=0)
     trial[..., step.joint] = at[:, None]
     f = step.equation(trial)
@@ -287,16 +279,6 @@ def system_of(equations: Sequence[Equation]) -> System:
     if not equations or sum(len(e.cos) for e in equations) > _CHEAP:
         return System(equations)
     return equations[0].once(f"system of {[id(e) for e in equations]}", lambda: System(equations))
-
-
-def residuals(equations: Sequence[Equation], q: Array) -> Array:
-    """Values of the equations at q (N, n), each over the sum of its coefficients: (N, k)."""
-    return system_of(equations).values(q)
-
-
-def gradients(equations: Sequence[Equation], q: Array) -> Array:
-    """Gradients of what ``residuals`` returns: (N, k, n)."""
-    return system_of(equations).gradients(q)
 
 
 def project(

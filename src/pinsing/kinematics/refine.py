@@ -75,11 +75,13 @@ def _told(arm: Arm, Q: Array) -> Array:
     r = generic_rank(arm)
     missing, still = U[:, :, r - 1 :].transpose(0, 2, 1), Vt[:, r - 1 :]
     B = (missing @ H.reshape(count, m, n * n)).reshape(count, -1, n, n)
-    moves = (still[:, None] @ B).reshape(count, m - r + 1, -1)
-    W, size, _ = np.linalg.svd(moves, full_matrices=False)
     largest = np.abs(H).max(axis=(1, 2, 3), initial=0.0)
-    one = (size > ZERO * largest[:, None]).sum(axis=1) == 1
-    lost = np.einsum("ka,kaij->kij", W[:, :, 0], B)
+    one, lost = np.ones(count, dtype=bool), B[:, 0]
+    if m > r:
+        moves = (still[:, None] @ B).reshape(count, m - r + 1, -1)
+        W, size, _ = np.linalg.svd(moves, full_matrices=False)
+        one = (size > ZERO * largest[:, None]).sum(axis=1) == 1
+        lost = np.einsum("ka,kaij->kij", W[:, :, 0], B)
     zero = SINGULAR_RTOL * np.maximum(sigma[:, :1], task_size(arm))
     BN = lost @ still.transpose(0, 2, 1)
     form = still @ BN
@@ -87,7 +89,7 @@ def _told(arm: Arm, Q: Array) -> Array:
     values = np.linalg.eigvalsh(form)
     return np.stack(
         [
-            np.where(one | (m == r), (sigma > zero).sum(axis=1), -1),
+            np.where(one, (sigma > zero).sum(axis=1), -1),
             values[:, 0],
             values[:, -1],
             np.abs(form).max(axis=(1, 2), initial=0.0),
