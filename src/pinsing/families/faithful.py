@@ -132,11 +132,14 @@ class _Exact:
         # Random starts where roots in one joint after the other give no point; up to so many terms.
         if found or sum(map(len, component.relations)) > 500:
             return None
-        if any(not self._of_one(forms) for forms in conditions):
-            return None  # it has no real point
-        values, joints = self._values(component), range(len(self.slides))
-        free = np.array([j not in values for j in joints])
-        fixed = np.array([values.get(j, 0.0) for j in joints])
+        for forms in conditions:
+            joints = frozenset().union(*(f.joints for f in forms))
+            q = np.zeros(len(self.slides))
+            if len(joints) < 2 and not any(self._roots(f, j, q) for f in forms for j in joints):
+                return None  # it has no real point: a condition of one joint has no real root
+        values, every = self._values(component), range(len(self.slides))
+        free = np.array([j not in values for j in every])
+        fixed = np.array([values.get(j, 0.0) for j in every])
         box = SearchBox(-self.reach, self.reach, free, fixed)
         stated = [equation(p, self.ring, self.symbols, self.offset) for p in component.relations]
         # Random starts where roots in one joint after the other give no point; up to so many terms.
@@ -196,12 +199,6 @@ class _Exact:
             else [self._form(poly)]
             for poly in component.relations
         ]
-
-    def _of_one(self, forms: Sequence[_Form]) -> bool:
-        """Return True if a condition has a real root, or is one of several joints."""
-        joints = frozenset().union(*(f.joints for f in forms))
-        q = np.zeros(len(self.slides))
-        return len(joints) > 1 or any(self._roots(f, j, q) for f in forms for j in joints)
 
     def _points(
         self, component: Component, conditions: Sequence[Sequence[_Form]]

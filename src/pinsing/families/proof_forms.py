@@ -516,27 +516,22 @@ class Draft(Certificate):
         self._budget.check_factor(len(left))
         # Products of terms that take as long as factoring a short form does, for each of its terms.
         self._budget.spend(30 * len(left) + len(left) ** 2)
-        if self.algebra.roots:
-            return self._with_roots(left)
-        return [(self.tidy(f), int(k)) for f, k in left.factor()[1]]
+        if not self.algebra.roots:
+            return [(self.tidy(f), int(k)) for f, k in left.factor()[1]]
+        found = []
+        for f in self.algebra.factors(left):
+            times = 0
+            while self.ring.divides(f, left):
+                left, times = self.algebra.quotient(left, f), times + 1
+            found.append((f, times))
+        return found
 
     def number(self, form: Poly) -> int:
         """Return the number of a form among those of the certificate, where each is once."""
-        return self._numbers.of(form, self._numbered)  # type: ignore[no-any-return]
-
-    def _numbered(self, form: Poly) -> int:
-        self.polys.append(form)
-        return len(self.polys) - 1
-
-    def _with_roots(self, poly: Poly) -> list[tuple[Poly, int]]:
-        found = []
-        for f in self.algebra.factors(poly):
-            times = 0
-            while self.ring.divides(f, poly):
-                poly = self.algebra.quotient(poly, f)
-                times += 1
-            found.append((f, times))
-        return found
+        number: int = self._numbers.of(form, lambda _: len(self.polys))
+        if number == len(self.polys):
+            self.polys.append(form)
+        return number
 
     def scaled(self, terms: list[tuple[Poly, Source]], form: Poly, product: Poly) -> list[Term]:
         """A sum as it is written: scaled so that it is the product, units aside."""

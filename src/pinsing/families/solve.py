@@ -22,7 +22,7 @@ from __future__ import annotations
 import itertools
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal, TypeAlias, overload
 
@@ -384,56 +384,6 @@ STEPS: dict[str, Callable[[ComponentSearch], bool]] = {
 """The steps by name; each returns whether it applied, and says when it does."""
 
 
-_LONG = 100 * LENGTH
-
-
-def small_offset(geometry: Nominal) -> float | None:
-    """Return the largest coordinate below ``LENGTH``, metres; None if none, or the arm is small."""
-    lengths = [abs(float(x)) for row in geometry.translation for x in row]
-    if sum(lengths) < _LONG:
-        return None
-    return max((x for x in lengths if 0 < x < LENGTH), default=None)
-
-
-def snap_hint(offset: float, families: Sequence[Family] | None, complete: bool = False) -> str:
-    """One line: what the families are without the small offsets; None if there was no time."""
-    if families is None:
-        return (
-            f"offsets of up to {1e3 * offset:.3g} mm are kept as they are: "
-            f"--snap-length {LENGTH:g} puts them to zero (there was no time to tell what it gives)"
-        )
-    found = " | ".join(f.text for f in families) or "no singular configurations"
-    whole = "" if complete else " (not complete)"
-    return (
-        f"offsets of up to {1e3 * offset:.3g} mm are kept as they are: "
-        f"--snap-length {LENGTH:g} puts them to zero and gives {found}{whole}"
-    )
-
-
-def unsolved_hint(systems: int) -> list[str]:
-    """Return a line on equations that finitely many joint values would say better, if any."""
-    one = ("a system of equations was", "it stays")
-    many, they = one if systems == 1 else (f"{systems} systems of equations were", "they stay")
-    said = (
-        f"time was over before {many} solved for joint values: {they} as stated, which is as true; "
-        "more time (--seconds) may give these"
-    )
-    return [said] if systems else []
-
-
-def by_rank_hint(families: Sequence[Family], rank: int) -> list[str]:
-    """Return a line on families that are equations and the rank, if any is."""
-    # Equations of neighbouring axes, or of slices, may be zero at regular configurations, too.
-    asked = [f for f in families if f.confirm is not None and not f.confirm.touching]
-    names = [f.name for f in asked if any(b.equations for b in f.branches)]
-    said = (
-        f"equations of {', '.join(names)}: they may hold at some regular configurations, too; "
-        f"singular are those at which the rank drops below {rank}, for which `contains`, "
-        "`distance` and `sample` ask"
-    )
-    return [said] if names else []
-
-
 Prove: TypeAlias = bool | Literal["auto"] | None
 """Whether to look for a certificate: as far as some work leads, till it is found, or not at all."""
 Design: TypeAlias = Arm | str | os.PathLike[str] | bool | None
@@ -599,18 +549,20 @@ def _found(
     gaps: list[str] = []
     off: list[str] = []
     left_out: list[Component] = []
-    steps: RandomSteps | None = None
-    unsolved = 0
+    moved: tuple[Snap, ...] = ()
     search: ComponentSearch | None = None
-    obstacle, moved = _obstacle(geometry)
-    if obstacle is not None:
-        gaps.append(obstacle)
-    elif arm.n > 0 and rank > 0:
+    try:
+        _, moved = drives(geometry)
+    except NotFollowed as reason:
+        gaps.append(
+            f"the algebra cannot follow a mimic joint of the chain: {reason}; `pinsing analyze`, "
+            "`sweep` and `map` follow it, and find singular configurations one by one"
+        )
+    if not gaps and arm.n > 0 and rank > 0:
         # Share of the time that there is for finding components; describing them needs some too.
         search = ComponentSearch(geometry, arm, rank, symbols, whole.part(0.9), angle_tol).run()
         maker = search.maker
         gaps += search.gaps
-        steps = search.random
         # Share of the time that there is for describing families, however long finding them took.
         maker.time = describing = whole.part(1.0, 0.1)
         grouped: dict[object, list[SolvedPiece]] = {}
@@ -621,7 +573,6 @@ def _found(
                 continue
             for piece in pieces:
                 grouped.setdefault((piece.real, mirror_key(piece)), []).append(piece)
-        unsolved = maker.unsolved
         for i, group in enumerate(grouped.values(), 1):
             # Most take little; one that takes long leaves as much to the others.
             # Share of what is left for describing families that one of them may take.
@@ -648,18 +599,8 @@ def _found(
         )  # fmt: skip
     if counted is not None and counted.off:
         gaps.append(f"{counted.sentence()}, and so it is over another: something is missing")
-    hints: list[str] = []
-    if snap_length == 0 and (offset := small_offset(geometry)):
-        if whole.over:
-            hints.append(snap_hint(offset, None))
-        else:
-            # Share of what is left for what lengths snapped away would change.
-            snapped = _found(arm, whole.part(0.5), angle_tol, LENGTH, told=False)
-            if [f.text for f in snapped.families] != [f.text for f in families]:
-                hints.append(snap_hint(offset, snapped.families, snapped.complete))
-    hints += unsolved_hint(unsolved) + by_rank_hint(families, rank)
     stated_families = tuple(families)
-    return ClosedForm(
+    found = ClosedForm(
         arm=summarize(arm),
         symbols=symbols,
         generic_rank=rank,
@@ -675,12 +616,59 @@ def _found(
         snaps=tuple(str(s) for s in (*geometry.snaps, *moved)),
         jacobian_change=geometry.jacobian_change,
         seconds=time.monotonic() - started,
-        hints=tuple(hints),
-        random_steps=steps,
+        random_steps=None if search is None else search.random,
         steps=() if search is None else tuple(search.steps),
         slice_count=counted,
         deviation=Deviation.of((*geometry.snaps, *moved)),
     )
+    unsolved = 0 if search is None else search.maker.unsolved
+    tol = None if snap_length else angle_tol
+    hints = tuple(_hints(found, arm, geometry, unsolved, whole, tol))
+    return replace(found, hints=hints, seconds=time.monotonic() - started)
+
+
+def _hints(
+    form: ClosedForm,
+    arm: Arm,
+    geometry: Nominal,
+    unsolved: int,
+    whole: Budget,
+    angle_tol: float | None,
+) -> Iterator[str]:
+    """What may be worth trying, small offsets with a tolerance alone; how equations are meant."""
+    lengths = [abs(float(x)) for row in geometry.translation for x in row]
+    offset = max((x for x in lengths if 0 < x < LENGTH), default=0.0)
+    if angle_tol is not None and offset and sum(lengths) >= 100 * LENGTH:
+        kept = (
+            f"offsets of up to {1e3 * offset:.3g} mm are kept as they are: "
+            f"--snap-length {LENGTH:g} puts them to zero"
+        )
+        if whole.over:
+            yield f"{kept} (there was no time to tell what it gives)"
+        else:
+            # Share of what is left for what lengths snapped away would change.
+            snapped = _found(arm, whole.part(0.5), angle_tol, LENGTH, told=False)
+            texts = [f.text for f in snapped.families]
+            if texts != [f.text for f in form.families]:
+                given = " | ".join(texts) or "no singular configurations"
+                yield f"{kept} and gives {given}{'' if snapped.complete else ' (not complete)'}"
+    if unsolved:
+        one = ("a system of equations was", "it stays")
+        many, they = (
+            one if unsolved == 1 else (f"{unsolved} systems of equations were", "they stay")
+        )
+        yield (
+            f"time was over before {many} solved for joint values: {they} as stated, which is as "
+            "true; more time (--seconds) may give these"
+        )
+    # Equations of neighbouring axes, or of slices, may be zero at regular configurations, too.
+    asked = [f for f in form.families if f.confirm is not None and not f.confirm.touching]
+    if names := [f.name for f in asked if any(b.equations for b in f.branches)]:
+        yield (
+            f"equations of {', '.join(names)}: they may hold at some regular configurations, too; "
+            f"singular are those at which the rank drops below {form.generic_rank}, for which "
+            "`contains`, `distance` and `sample` ask"
+        )
 
 
 def _design(
@@ -707,18 +695,6 @@ def _design(
         f"lengths stay symbols in chains of at most {MAX_JOINTS} joints, and this has {loaded.n}",
     )
     return design_form(of_arm(loaded, chosen, angle_tol), joint_symbols(loaded), seconds)
-
-
-def _obstacle(geometry: Nominal) -> tuple[str | None, tuple[Snap, ...]]:
-    """What keeps the algebra from an arm, and what its mimic joints' offsets were moved by."""
-    try:
-        _, moved = drives(geometry)
-    except NotFollowed as reason:
-        return (
-            f"the algebra cannot follow a mimic joint of the chain: {reason}; `pinsing analyze`, "
-            "`sweep` and `map` follow it, and find singular configurations one by one"
-        ), ()
-    return None, moved
 
 
 def joint_symbols(arm: Arm) -> tuple[str, ...]:

@@ -49,13 +49,10 @@ class SearchBox:
             held[v.joint], free[v.joint] = v.value, False
         return cls(lower, upper, free, held if fixed is None else fixed)
 
-    def put(self, q: Array) -> Array:
-        """Some configurations (N, n) with the joints that are fixed there."""
-        return np.where(self.free, q, self.fixed)
-
     def drawn(self, count: int, rng: np.random.Generator) -> Array:
         """Random configurations (N, n)."""
-        return self.put(rng.uniform(self.lower, self.upper, (count, len(self.lower))))
+        q = rng.uniform(self.lower, self.upper, (count, len(self.lower)))
+        return np.where(self.free, q, self.fixed)
 
     def inside(self, q: Array, slack: float = ROUNDING, but: bool | Bool = False) -> Bool:
         """Return which of some configurations (N, n) are inside, ``but`` for some joints."""
@@ -86,7 +83,13 @@ Order = tuple[Step, ...]
 def orders(equations: Sequence[Equation], free: Bool) -> list[Order]:
     """Ways to solve equations one by one, each for a ``free`` joint of its own; or none."""
     if len(equations) > MOST_ORDERED:
-        return _many(equations, free)
+        # As many of the simplest as can be solved one after the other.
+        simple = sorted(equations, key=lambda e: (len(e.involved), len(e.cos)))
+        for count in range(len(simple), 1, -1):
+            ways = [peeled(simple[:count], free, prefer) for prefer in (1, -1, 0)]
+            if any(ways):
+                return [way for way in ways if way]
+        return []
     if not equations:
         return []
     solvable = {
@@ -108,17 +111,6 @@ def orders(equations: Sequence[Equation], free: Bool) -> list[Order]:
     found.sort(key=lambda steps: sum(s.kind in ("two", "opposite") for s in steps))
     # Ways to solve that are made use of.
     return found[:3]
-
-
-def _many(equations: Sequence[Equation], free: Bool) -> list[Order]:
-    """Ways for many equations: as many of the simplest as can be solved one after the other."""
-    ordered = sorted(equations, key=lambda e: (len(e.involved), len(e.cos)))
-    for count in range(len(ordered), 1, -1):
-        some = ordered[:count]
-        ways = [peeled(some, free, prefer) for prefer in (1, -1, 0)]
-        if found := [way for way in ways if way]:
-            return list(dict.fromkeys(found))
-    return []
 
 
 def peeled(equations: Sequence[Equation], free: Bool, prefer: int = 0) -> Order | None:
