@@ -677,7 +677,14 @@ class Search:
                 state = functools.partial(self._statement, relations, minors)
                 stated = relations
                 if known:
-                    stated = self._shortened(state(missed, known), count, place)
+                    stated, slices = state(missed, known), Slices()
+                    # As few equations as the codimension, if some say the same. Their common zeros
+                    # have no parts of lower dimension: where generic points of all parts are
+                    # singular, and new, all is.
+                    for few in itertools.combinations(stated[:5], count):
+                        if self._states(few, place, slices):
+                            stated = few
+                            break
                 codimension = len(place.values) + count
                 backing = Backing(missed, known, state)
                 self._found.add(place.values, stated, False, codimension, backing)
@@ -769,17 +776,6 @@ class Search:
         return slice_points(*given, slices=self._slices)
 
     # Statements ---------------------------------------------------------------------
-
-    def _shortened(self, relations: Relations, count: int, place: SearchPlace) -> Relations:
-        """Return as few equations as the codimension, if some say the same."""
-        # Their common zeros have no parts of lower dimension: where generic points of all parts are
-        # singular, and new, all is.
-        slices: Slices = {}
-        # Equations of a long system among which fewer that say the same are looked for.
-        for few in itertools.combinations(relations[:5], count):
-            if self._states(few, place, slices):
-                return few
-        return relations
 
     def _states(self, relations: Relations, place: SearchPlace, slices: Slices) -> bool:
         """Return True if all common zeros are singular, and none is on a known component."""

@@ -26,7 +26,7 @@ Two-sided bounds of many configurations are in closed form. The lower one is tha
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -312,18 +312,13 @@ class Conditions:
             norm not in NORMS, f"norm must be one of {', '.join(NORMS)}, got {norm!r}"
         )
         turn = np.where(prismatic, 0.0, 2 * np.pi * weight)
-        return cls(len(families), weight, turn, tuple(_weighted(families, weight, norm)), norm)
-
-
-def _weighted(
-    families: Sequence[Sequence[Branch]], weight: Array, norm: str
-) -> Iterator[WeightedBranch]:
-    for f, branches in enumerate(families):
-        for branch in branches:
+        weighted = []
+        for f, branch in ((f, b) for f, branches in enumerate(families) for b in branches):
             joints = np.array([v.joint for v in branch.values], dtype=np.int64)
             values = np.array([v.value for v in branch.values], dtype=float) * weight[joints]
             sums = tuple(weighted_sum(e, weight, norm == "max") for e in branch.equations)
-            yield WeightedBranch(f, joints, values, sums)
+            weighted.append(WeightedBranch(f, joints, values, sums))
+        return cls(len(families), weight, turn, tuple(weighted), norm)
 
 
 def weighted_sum(e: Equation, weight: Array, largest: bool = False) -> TrigSum:

@@ -648,18 +648,16 @@ class NearMinors:
     def minor(self, joints: Sequence[int], values: Mapping[int, Value]) -> Poly:
         """Return the minor of columns ``joints``, without units; NotSquare if there are several."""
         joints = sorted(joints)
-        inside = {j: v for j, v in values.items() if self._matters(j, joints)}
+        matter = set(values)
+        if self.task.name == "pose":
+            rows = [row for a in joints for row in driven_by(self._driven, a)]
+            matter = {d.leader for d in self._driven[min(rows) + 1 : max(rows)]}
+        inside = {j: v for j, v in values.items() if j in matter}
         key = (tuple(joints), frozenset(inside.items()))
         if key not in self._known:
             self.time.check()
             self._known[key] = self._minor(joints, inside)
         return self._known[key]
-
-    def _matters(self, j: int, joints: Sequence[int]) -> bool:
-        if self.task.name != "pose":
-            return True
-        rows = [row for a in joints for row in driven_by(self._driven, a)]
-        return any(d.leader == j for d in self._driven[min(rows) + 1 : max(rows)])
 
     def _minor(self, joints: Sequence[int], values: Mapping[int, Value]) -> Poly:
         ring = self.ring

@@ -77,24 +77,17 @@ def drives(geometry: Nominal) -> tuple[tuple[Drive, ...], tuple[Snap, ...]]:
             out.append(Drive(leader, multiple, shift=Fraction(repr(added))))
             continue
         if multiple.denominator != 1 or abs(multiple) > _LARGEST_MULTIPLE:
-            raise NotFollowed(
-                f"joint {name!r} follows by {factor:g}, which is not a small integer"
-                + _other_way_round(name, multiple, names[own[leader]])
-            )
+            back, other = 1 / multiple, names[own[leader]]
+            hint = f" (it can be followed where {other!r} follows {name!r} by {back} instead)"
+            whole = back.denominator == 1 and abs(back) <= _LARGEST_MULTIPLE
+            said = f"joint {name!r} follows by {factor:g}, which is not a small integer"
+            raise NotFollowed(said + hint * whole)
         added += float(geometry.offset[row]) - factor * float(geometry.offset[own[leader]])
         turn, exact = _turn(added)
         if abs(exact - added) > NOISE:
             snaps.append(Snap(f"mimic joint {name}", "angle", added, exact))
         out.append(Drive(leader, multiple, turn=turn))
     return tuple(out), tuple(snaps)
-
-
-def _other_way_round(name: str, multiple: Fraction, leader: str) -> str:
-    """Return how the same motion can be described with a whole multiple, where it can."""
-    back = 1 / multiple
-    if back.denominator != 1 or abs(back) > _LARGEST_MULTIPLE:
-        return ""
-    return f" (it can be followed where {leader!r} follows {name!r} by {back} instead)"
 
 
 def own_rows(geometry: Nominal) -> list[int]:

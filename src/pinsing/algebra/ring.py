@@ -495,7 +495,11 @@ class Ring:
         joint = self.joints_of(poly)[0]
         for k in itertools.count(1):  # all but finitely many k make the norm free of squares
             shifted = self._shifted(poly, joint, k, level)
-            if self._has_square(self._norm(shifted, level), joint):
+            norm = self._norm(shifted, level)
+            # Whether some factor with the joint in it is there more than once, modulo a prime.
+            reduced = image(norm, self, WORD_PRIME)
+            slope = reduced.derivative(self._variable(norm, joint))
+            if not reduced.gcd(slope).is_constant():
                 continue
             pieces = self._by_norm(shifted, level)
             if len(pieces) == 1:
@@ -537,11 +541,6 @@ class Ring:
         """The first of a joint's variables that occurs: y of a polynomial in tangents."""
         degrees = poly.degrees()
         return next(v for v in self.variables(joint) if degrees[v])
-
-    def _has_square(self, poly: Poly, joint: int) -> bool:
-        """Return True if some factor with a joint in it is there more than once, modulo a prime."""
-        reduced = image(poly, self, WORD_PRIME)
-        return not reduced.gcd(reduced.derivative(self._variable(poly, joint))).is_constant()
 
     def _bits_needed(self, poly: Poly) -> int:
         """Return the length of a prime by which the coefficients of any factor are told for sure.

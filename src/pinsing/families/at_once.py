@@ -205,25 +205,21 @@ def _rebased(table: Mapping[Product, Number], way: Mapping[int, str]) -> dict[Pr
         if chosen == "cos":
             continue
         after: dict[Product, Number] = {}
+        # Cosine and sine of twice the angle as sums of these, and how often.
+        sign = 1 if chosen == "cc" else -1
+        of_cosine: list[tuple[Factor | None, int]] = [((joint, chosen, 1), 2 * sign), (None, -sign)]
+        of_sine: list[tuple[Factor | None, int]] = [((joint, "sc", 1), 2)]
         for product, number in out.items():
             mine = (joint, "cos", 2) if (joint, "cos", 2) in product else (joint, "sin", 2)
             if mine not in product:
                 after[product] = after.get(product, 0) + number
                 continue
             rest = tuple([x for x in product if x[0] != joint])
-            for factor, weight in _squares(mine, chosen):
+            for factor, weight in of_cosine if mine[1] == "cos" else of_sine:
                 key = rest if factor is None else tuple(sorted((*rest, factor)))
                 after[key] = after.get(key, 0) + number * weight
         out = after
     return out
-
-
-def _squares(factor: Factor, chosen: str) -> list[tuple[Factor | None, int]]:
-    """Cosine or sine of twice an angle as a sum of what it is, and how often."""
-    j = factor[0]
-    if factor[1] == "sin":
-        return [((j, "sc", 1), 2)]
-    return [((j, chosen, 1), 2 if chosen == "cc" else -2), (None, -1 if chosen == "cc" else 1)]
 
 
 _VALUE: dict[str, Callable[[Array, int], Any]] = {

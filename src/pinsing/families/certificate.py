@@ -89,9 +89,16 @@ class _Minors:
         """One sum for each minor that is no multiple of a form, where there is one; its value."""
         if self.draft.sides[1] <= self.draft.rank or not self.family.relations:
             return [], []
+        ring = self.ring
         for lines, minor in self.minors.items():
-            if (multiple := self._multiple(minor)) is not None:
-                self.known[lines] = multiple
+            if minor == 0:
+                self.known[lines] = _Known({}, ring.one, 0)
+                continue
+            for at, p in enumerate(self.family.relations):
+                if ring.divides(p, minor):
+                    multiple = ring.reduced(divmod(minor, p)[0])
+                    self.known[lines] = _Known({at: multiple}, ring.one, 0)
+                    break
         while more := {
             lines: one
             for lines in [lines for lines in self.minors if lines not in self.known]
@@ -110,15 +117,6 @@ class _Minors:
             put = self.ring.put(self.draft.sum(total, self.family.forms), self.family.values)
             totals += self.ring.stripped(put)
         return found, totals
-
-    def _multiple(self, minor: Poly) -> _Known | None:
-        """A minor that is a multiple of one relation, or zero."""
-        if minor == 0:
-            return _Known({}, self.ring.one, 0)
-        for at, p in enumerate(self.family.relations):
-            if self.ring.divides(p, minor):
-                return _Known({at: self.ring.reduced(divmod(minor, p)[0])}, self.ring.one, 0)
-        return None
 
     def _sum(self, lines: Lines) -> _Known | None:
         """The shortest of the sums that a minor is by what is known."""
