@@ -334,6 +334,21 @@ def weighted_sum(e: Equation, weight: Array, largest: bool = False) -> TrigSum:
     )
 
 
+def sums_of(branch: Branch, prismatic: Bool, weight: Array) -> list[TrigSum]:
+    """Return all conditions of a branch as sums in weighted coordinates: values last."""
+    sums = [weighted_sum(e, weight) for e in branch.equations]
+    for v in branch.values:
+        at = np.eye(len(weight))[[v.joint]]
+        if prismatic[v.joint]:  # q - v
+            power, phase = np.vstack([at, 0 * at]), [0.0, np.pi * (v.value > 0)]
+            size = [1 / weight[v.joint], abs(v.value)]
+            sums.append(TrigSum(size, phase, 0 * power, power, 5e-15))
+        else:  # sin((q - v) / 2)
+            rate = at / weight / 2
+            sums.append(TrigSum([1.0], [-(v.value + np.pi) / 2], rate, 0 * rate, 5e-15))
+    return sums
+
+
 def _starts(counts: Sequence[int] | Ints) -> Ints:
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
 

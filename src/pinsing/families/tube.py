@@ -39,8 +39,8 @@ from pinsing.algebra.conditions import (
     Margin,
     SearchOptions,
     nearest_points,
+    sums_of,
     two_sided,
-    weighted_sum,
 )
 from pinsing.algebra.trig_sum import TINY, TrigSum
 from pinsing.families.family import Family
@@ -316,7 +316,7 @@ def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Equations:
     if not engine.available():
         raise Unproven(str(engine.unavailable_reason()))
     branches = [(k, b) for k, f in enumerate(families) for b in f.branches]
-    factors = [f for i, (k, b) in enumerate(branches) for f in _factors(k, i, b, joints)]
+    factors = [f for i, (k, b) in enumerate(branches) for f in _factors(k, i, b, joints, n)]
     ranges = np.tile(_CIRCLE, (len(joints), 1))
     conditions = Conditions.of([f.branches for f in families], robot.prismatic, np.ones(n))
     if redundant:
@@ -361,18 +361,15 @@ def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Equations:
     return Determinant(joints, tuple(factors), ranges, conditions, h, plain, rest)
 
 
-def _factors(family: int, index: int, branch: Branch, joints: tuple[int, ...]) -> list[Factor]:
+def _factors(
+    family: int, index: int, branch: Branch, joints: tuple[int, ...], n: int
+) -> list[Factor]:
     """Return the conditions of a branch: of different joints, where there are several."""
     out = []
-    for e in branch.equations:
-        s = weighted_sum(e, np.ones(e.frequencies.shape[1]))
+    for k, s in enumerate(sums_of(branch, np.zeros(n, dtype=bool), np.ones(n))):
         rate, power = s.rate[:, list(joints)], s.power[:, list(joints)]
         made = TrigSum(s.amplitude, s.phase, rate, power, s.noise)
-        out.append(Factor(family, made, False, index))
-    for v in branch.values:
-        rate = np.array([[0.5 * (j == v.joint) for j in joints]])
-        made = TrigSum([1.0], [-v.value / 2 - np.pi / 2], rate, np.zeros(rate.shape), 1e-12)
-        out.append(Factor(family, made, True, index))
+        out.append(Factor(family, made, k >= len(branch.equations), index))
     used = np.concatenate([f.sum.used for f in out])
     if len(set(used)) < len(used):
         raise Unproven(f"two conditions of F{family + 1} are of one joint")

@@ -19,15 +19,17 @@ from pinsing.algebra.conditions import (
     SIMPLE,
     Conditions,
     SearchOptions,
+    WeightedBranch,
     Zeros,
     nearest_points,
     place,
+    sums_of,
     two_sided,
     zeros_along,
 )
-from pinsing.algebra.equation import Equation
+from pinsing.algebra.trig_sum import TrigSum
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.families import Branch, JointValue
+from pinsing.families import Branch
 from pinsing.interface import JsonResult, checked, real_numbers
 from pinsing.kinematics.jacobian import generic_rank, task_jacobians
 from pinsing.measures import PRACTICAL, ROUNDING, Array, ArrayLike, Bool, Ints
@@ -300,8 +302,20 @@ def crossings(
 
 def crossings_of(watched: Watched, motion: Motion) -> Crossings:
     """All meetings of a motion with watched families."""
-    surfaces, of_equation, thin = _split(watched)
-    found = _on_surfaces(surfaces, of_equation, motion)
+    surfaces: list[TrigSum] = []
+    of_equation: list[int] = []
+    thin: dict[int, list[Branch]] = {}
+    for f, family in enumerate(watched.families):
+        for branch in family.branches:
+            if len(branch.values) + len(branch.equations) > 1:
+                thin.setdefault(f, []).append(branch)
+            else:
+                surfaces += sums_of(branch, watched.prismatic, watched.weight)
+                of_equation.append(f)
+    no_values = np.empty(0, dtype=np.int64), np.empty(0)
+    alone = tuple(WeightedBranch(k, *no_values, (s,)) for k, s in enumerate(surfaces))
+    of_one = Conditions(len(alone), watched.weight, watched.conditions.turn, alone)
+    found = _on_surfaces(of_one, of_equation, motion)
     for f, branches in thin.items():
         conditions = Conditions.of([branches], watched.prismatic, watched.weight)
         found += [(u, end, f, "touch") for u, end in _contacts(conditions, motion)]
@@ -318,37 +332,6 @@ def crossings_of(watched: Watched, motion: Motion) -> Crossings:
             said = family.title, family.where(q)
             events.append(Crossing(float(b), until, q, watched.names[f], kind, *said))
     return Crossings(tuple(events), watched.names, watched.complete)
-
-
-def _split(watched: Watched) -> tuple[Conditions, list[int], dict[int, list[Branch]]]:
-    """Branches of one condition as equations, with their families; and the branches of several."""
-    surfaces: list[list[Branch]] = []
-    of_equation: list[int] = []
-    thin: dict[int, list[Branch]] = {}
-    for f, family in enumerate(watched.families):
-        for branch in family.branches:
-            if len(branch.values) + len(branch.equations) > 1:
-                thin.setdefault(f, []).append(branch)
-                continue
-            equations = branch.equations or (_as_equation(watched, branch.values[0]),)
-            surfaces.append([Branch((), tuple(equations))])
-            of_equation.append(f)
-    return Conditions.of(surfaces, watched.prismatic, watched.weight), of_equation, thin
-
-
-def _as_equation(watched: Watched, value: JointValue) -> Equation:
-    """A joint at a value as an equation that changes its sign there."""
-    n, j = watched.n, value.joint
-    zero = np.zeros(n, dtype=np.int64)
-    unit = np.where(np.arange(n) == j, 1, 0).astype(np.int64)
-    names = watched.joints
-    if watched.prismatic[j]:
-        powers, size = np.stack([unit, zero]), np.array([1.0, -value.value])
-        keep = size != 0.0
-        powers, size = powers[keep], size[keep]
-        return Equation(names, np.zeros_like(powers), powers, size, 0 * size, np.zeros(n))
-    shift = np.where(np.arange(n) == j, -value.value, 0.0)  # sin((q - v) / 2)
-    return Equation(names, unit[None], zero[None], np.zeros(1), np.ones(1), shift)
 
 
 def _on_surfaces(

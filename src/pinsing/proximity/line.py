@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
+from pinsing.algebra.conditions import sums_of
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch
 from pinsing.families.solve import form_to_measure
@@ -170,8 +171,12 @@ def landing(arm: Arm, line: Line, branch: Branch, q: Array, s: float) -> tuple[A
     # At a fold the joints turn back; with the place on the line and the family's condition as
     # unknowns it is a regular zero of Newton's method.
     x, at = q.copy(), s
+    sums = sums_of(branch, arm.prismatic, np.ones(arm.n))
+    sizes = np.array([f.amplitude.sum() for f in sums])
     for _ in range(30):
-        values, slopes = _conditions(branch, x, arm)
+        there = [f.at(x[None]) for f in sums]
+        values = np.array([c.value[0] for c in there]) / sizes
+        slopes = np.array([c.gradient[0] for c in there]) / sizes[:, None]
         error, J, along = line.rows(arm, x, at)
         residual = np.concatenate([error, -values])
         if np.abs(residual).max() < 1e-14:
@@ -184,21 +189,6 @@ def landing(arm: Arm, line: Line, branch: Branch, q: Array, s: float) -> tuple[A
             return None
     good = np.abs(residual).max() < 1e-11 and -1e-9 <= at <= 1 + 1e-9
     return (x, at) if good and np.abs(x - q).max() < 0.3 and abs(at - s) < 0.02 else None
-
-
-def _conditions(branch: Branch, q: Array, arm: Arm) -> tuple[Array, Array]:
-    """Values (k,) of the conditions of a branch at q and their slopes (k, n)."""
-    values, slopes = [], []
-    for v in branch.values:
-        off = q[v.joint] - v.value
-        if not arm.prismatic[v.joint]:
-            off -= 2 * np.pi * np.round(off / (2 * np.pi))
-        values.append(off)
-        slopes.append((np.arange(len(q)) == v.joint).astype(float))
-    for e in branch.equations:
-        values.append(float(e(q)) / e.size)
-        slopes.append(e.gradient(q) / e.size)
-    return np.array(values), np.array(slopes)
 
 
 @dataclass(frozen=True)
