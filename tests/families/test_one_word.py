@@ -19,7 +19,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.families import certificate
 from pinsing.families.certificate import prove_briefly, within
 from pinsing.families.form import certainty
-from pinsing.proximity.guard import make_guard
+from pinsing.proximity.monitor import make_guard
 
 
 @pytest.fixture

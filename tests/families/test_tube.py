@@ -22,7 +22,7 @@ from pinsing.families import tube as tubes
 from pinsing.families.family import Family
 from pinsing.families.form import coverage_words, families_text
 from pinsing.proximity.clearance import distances
-from pinsing.proximity.guard import make_guard
+from pinsing.proximity.monitor import make_guard
 from pinsing.report.arm_report import describe, gather, robot
 from pinsing.robot.arm import Arm
 from pinsing.robot.calibration import LINKS, calibrated, known_like

@@ -13,7 +13,7 @@ from pinsing.algebra.conditions import Conditions, SearchOptions, nearest_points
 from pinsing.algebra.equation import Equation
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
 from pinsing.families import Branch, Family
-from pinsing.proximity.guard import make_guard
+from pinsing.proximity.monitor import make_guard
 
 ARMS = [
     "ur5", "puma560", "panda", "stanford", "surgical7", "irb1400", "z1", "iiwa14", "xarm7",

@@ -22,9 +22,9 @@ from pinsing.algebra.conditions import two_sided
 from pinsing.errors import OptionError, PinsingError, UnknownNameError
 from pinsing.families import Branch, ClosedForm
 from pinsing.measures import Array
-from pinsing.proximity import guard as guard_module
+from pinsing.proximity import monitor as guard_module
 from pinsing.proximity.clearance import every_name, watch
-from pinsing.proximity.guard import make_guard
+from pinsing.proximity.monitor import make_guard
 from pinsing.robot.arm import Arm
 
 DRIVER = Path(__file__).parent / "guard_driver.c"

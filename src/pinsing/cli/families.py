@@ -738,7 +738,7 @@ def export_command(
     OptionError.refuse_if(c == python == STDOUT, "-o -.h and -o -.py both go to standard output")
     arm = request.load()
     from pinsing.families import closed_form
-    from pinsing.proximity.guard import make_guard
+    from pinsing.proximity.monitor import make_guard
 
     with waiting() as step:
         step("looking for families")

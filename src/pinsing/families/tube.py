@@ -244,13 +244,19 @@ class Factor:
 
 
 @dataclass(frozen=True)
-class Determinant:
-    """The determinant of a robot as ``h prod f^m + E``, a sum over the joints that matter."""
+class _OfDesign:
+    """The families of the design of a robot."""
 
-    joints: tuple[int, ...]
+    joints: tuple[int, ...]  # that matter
     factors: tuple[Factor, ...]
     ranges: Array  # (d, 2): of these joints; a circle from any value
     conditions: Conditions  # of the families
+
+
+@dataclass(frozen=True)
+class Determinant(_OfDesign):
+    """The determinant of a robot as ``h prod f^m + E``, a sum over the joints that matter."""
+
     h: TrigSum
     plain: TrigSum  # of the design's determinant
     rest: TrigSum
@@ -273,13 +279,9 @@ class Determinant:
 
 
 @dataclass(frozen=True)
-class JacobianMinors:
+class JacobianMinors(_OfDesign):
     """Minors of the Jacobian of a redundant robot, and the conditions of its design's families."""
 
-    joints: tuple[int, ...]
-    factors: tuple[Factor, ...]
-    ranges: Array  # as of a determinant
-    conditions: Conditions
     arm: Arm
     minors: tuple[TrigSum, ...]
 

@@ -768,7 +768,9 @@ def cuspidality(
             if way.answer != SAME or way.path is None:
                 continue
             error, least = _checked(arm, way.path)
-            if error > ROUNDING or not _ends(arm, way.path):
+            apart = float(np.abs(arm.space.wrap(way.path[-1] - way.path[0])).max())
+            alike = apart > 1e-3 and one_sheet(arm, way.path[0], way.path[-1])
+            if error > ROUNDING or not alike:
                 continue
             if proven := regular_way(arm, way.path):
                 reason, said = _WITNESS, [_RANK, *[_few(arm, error)] * (arm.n < len(arm.task.rows))]
@@ -806,11 +808,6 @@ def cuspidality(
         )
         return replace(none, reason=reason)
     return none
-
-
-def _ends(arm: Arm, path: Array) -> bool:
-    apart = float(np.abs(arm.space.wrap(path[-1] - path[0])).max())
-    return apart > 1e-3 and one_sheet(arm, path[0], path[-1])
 
 
 def _few(arm: Arm, error: float) -> str:

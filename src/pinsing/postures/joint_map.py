@@ -79,13 +79,15 @@ class Arc:
             return self.low + 1.0
         return self.high - 1.0 if math.isfinite(self.high) else 0.0
 
-    def put(self, value: float, endless: bool) -> float | None:
+    def put(self, value: float, endless: bool, limits: tuple[float, float]) -> float | None:
         """The value on this arc, by whole turns if the joint turns endlessly; None if it is off."""
         if self.circle:
             return value
         if endless:
             value += 2 * math.pi * math.ceil((self.low - value) / (2 * math.pi))
-        return value if self.low < value < self.high else None
+        # Limits belong to joint space, and what lies on one is cut off by nothing.
+        on_limit = value in limits and value in (self.low, self.high)
+        return value if self.low < value < self.high or on_limit else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -977,12 +979,8 @@ class Map:
         """The values (d,) of q on a box of arcs, by whole turns; None if they are not on it."""
         x = np.empty(len(box))
         for k, (j, arc) in enumerate(zip(part.joints, box, strict=True)):
-            value = float(q[j])
-            put = arc.put(value, self.partition.endless[j])
-            if put is None and not self.partition.endless[j]:
-                # Limits belong to joint space, and what lies on one is cut off by nothing.
-                low = value == self.partition.low[j] == arc.low
-                put = value if low or value == self.partition.high[j] == arc.high else None
+            limits = float(self.partition.low[j]), float(self.partition.high[j])
+            put = arc.put(float(q[j]), self.partition.endless[j], limits)
             if put is None:
                 return None
             x[k] = put

@@ -15,6 +15,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import product
 from typing import Any, ClassVar
 
@@ -35,6 +36,7 @@ from pinsing.postures.placement import TRIED, WorkpiecePlacement, check_ranges, 
 from pinsing.prose import listed, one_line
 from pinsing.proximity.clearance import CLOSE, certified, clearance, quick, titled, watch
 from pinsing.proximity.crossings import BISECTED, crossings, least_along
+from pinsing.proximity.trajectory import angle_text
 from pinsing.proximity.zones import Region
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 
@@ -162,11 +164,7 @@ class PathPlan(JsonResult):
         >>> print(pinsing.plan_path(form, np.tile(np.eye(4), (2, 1, 1))).text())
         No path: pose 0 at (0, 0, 0) m is out of reach.
         """
-        factor, unit = (180 / np.pi, "°") if degrees else (1.0, " rad")
-
-        def angle(x: float) -> str:
-            return f"{factor * x:.3g}{unit}"
-
+        angle = partial(angle_text, degrees=degrees)
         if self.reason:
             return f"No path: {self.reason}."
         best = max(self.fixed, default=0.0)

@@ -17,9 +17,12 @@ if TYPE_CHECKING:
         Crossings as Crossings,
         crossings as crossings,
     )
-    from pinsing.proximity.guard import export_guard as export_guard
     from pinsing.proximity.line import LineCheck as LineCheck, check_line as check_line
-    from pinsing.proximity.monitor import Monitor as Monitor, Verdict as Verdict
+    from pinsing.proximity.monitor import (
+        Monitor as Monitor,
+        Verdict as Verdict,
+        export_guard as export_guard,
+    )
     from pinsing.proximity.trajectory import (
         TrajectoryCheck as TrajectoryCheck,
         check_trajectory as check_trajectory,
@@ -31,9 +34,8 @@ public(
     {
         "clearance": "Clearance Suggestion clearance is_clear suggest",
         "crossings": "Crossing Crossings crossings",
-        "guard": "export_guard",
         "line": "LineCheck check_line",
-        "monitor": "Monitor Verdict",
+        "monitor": "Monitor Verdict export_guard",
         "trajectory": "TrajectoryCheck check_trajectory",
         "zones": "Zones",
     },

@@ -111,10 +111,6 @@ def _joint(check: TrajectoryCheck, j: int, value: float, degrees: bool) -> str:
     return f"{round(value, 9) + 0.0:.5g}"
 
 
-def _times(count: int, what: str) -> str:
-    return f"{count} {what}{'s' * (count != 1)}"
-
-
 def _more(count: int, cut: bool) -> list[str]:
     if count <= LISTED:
         return []
@@ -168,7 +164,7 @@ def _met(check: TrajectoryCheck, degrees: bool) -> str:
         return f"{none}, but {listed(faults)}{left_out}"
     first, *rest = met
     verb = {"crossing": "crosses", "touch": "touches", "along": "stays on"}[first.kind]
-    more = [f"{_times(len(rest), 'more meeting')}"] * bool(rest)
+    more = [f"{len(rest)} more meetings"] * bool(rest)
     if len(rest) == 1:
         more = [f"{_title(check, rest[0].family)} {_when(check, rest[0].t)}"]
     also = [*more, *(words for words in faults if not words.startswith("comes"))]

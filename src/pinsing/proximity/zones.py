@@ -27,6 +27,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -156,10 +157,7 @@ class Zones(JsonResult):
         >>> print(pinsing.zones(form, joint_speeds=[5, 5, 1, 10]).text().splitlines()[0])
         scara: keep 20.3° from F1: q2 = 0° or 180° (proven)
         """
-
-        def far(x: float) -> str:
-            return angle_text(x, degrees)
-
+        far = partial(angle_text, degrees=degrees)
         kept = [n for n, d in self.distances.items() if d > 0]
         where = f"with {listed(self.within)}, " if self.within else ""
         exceeded = self.common_exceeding
