@@ -968,14 +968,12 @@ def reach_of(arm: Arm, samples: int, limits: bool) -> Reach:
     top = float(places[..., 0].max())
     low, high = float(places[..., 1].min()), float(places[..., 1].max())
     margin = 0.03 * size
-    axes = [np.linspace(a, b, 480 + 1) for a, b in ranges]
-    tiles = section.place(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1))
     r = np.linspace(0.0, top + margin, samples) + 0.37 * (top + margin) / samples
     z = np.linspace(low - margin, high + margin, samples)
     return Reach(
         r=r,
         z=z,
-        count=count_of(tiles, r, z),
+        count=count_of(section, joints, places[..., 1], r, z),
         curves=tuple(section.place(x) for x in lines),
         cusps=cusps,
         nodes=nodes_of(section, lines, cusps, size),
@@ -1002,45 +1000,21 @@ def _onto(section: Section, x: Array) -> Array:
     return x
 
 
-def count_of(at: Array, r: Array, z: Array) -> Ints:
-    """Return the number of solutions in two joints for each (r, z), (N, M), by triangles.
+def count_of(section: Section, joints: Sequence[Array], height: Array, r: Array, z: Array) -> Ints:
+    """Return the number of solutions in two joints for each (r, z), (N, M), on lines of equal z.
 
-    ``at`` (K, L, 2) has places of a grid of joint values, linear between: wrong only within about
-    1e-5 of the size from where the count changes.
+    ``height`` (K, L) has z on a grid of ``joints``, linear between: wrong only within some 1e-5 of
+    the size from where the count changes.
     """
-    # Places by cells; half a cell is added so that no place is on a side of a triangle.
-    u = (at[..., 0] - r[0]) / (r[1] - r[0])
-    corners = np.stack([u, (at[..., 1] - z[0]) / (z[1] - z[0])], axis=-1)
-    a, b, c, d = (
-        corners[i : len(u) - 1 + i, j : u.shape[1] - 1 + j].reshape(-1, 2)
-        for i, j in ((0, 0), (1, 0), (0, 1), (1, 1))
-    )
-    count = np.zeros((len(z), len(r)), dtype=np.int64)
-    for triangle in ((a, b, c), (d, c, b)):
-        _add(count, np.stack(triangle, axis=1))
-    # What differs from all places around, next to the curves, is taken from them.
-    around = np.stack(
-        [np.roll(count, s, (0, 1)) for s in product((-1, 0, 1), repeat=2) if s != (0, 0)]
-    )
-    return np.where((around != count).all(axis=0), np.sort(around, axis=0)[4], count)
-
-
-def _add(count: Ints, corners: Array) -> None:
-    """Add one to the places that are inside of each triangle (K, 3, 2)."""
-    first = np.maximum(np.ceil(corners.min(axis=1)), 0).astype(np.int64)
-    last = np.minimum(np.floor(corners.max(axis=1)), np.array(count.shape[::-1]) - 1)
-    wide = last.astype(np.int64) - first + 1
-    keep = (wide > 0).all(axis=1)
-    corners, first, wide = corners[keep], first[keep], wide[keep]
-    each = wide.prod(axis=1)
-    which = np.repeat(np.arange(len(corners)), each)
-    place = np.arange(int(each.sum())) - np.repeat(np.cumsum(each) - each, each)
-    x = first[which] + np.stack([place % wide[which, 0], place // wide[which, 0]], axis=1)
-    p = corners[which]
-    e, g = np.roll(p, -1, axis=1) - p, x[:, None] - p
-    side = e[..., 0] * g[..., 1] - e[..., 1] * g[..., 0]
-    inside = (side > 0).all(axis=1) | (side < 0).all(axis=1)
-    np.add.at(count, (x[inside, 1], x[inside, 0]), 1)
+    lines = Figure().add_subplot().contour(*joints, height.T, levels=z).allsegs
+    passed = np.zeros((len(z), len(r) + 1), dtype=np.int64)
+    for row, some in zip(passed, lines, strict=True):
+        for line in some:
+            # From one point of a line to the next r is passed once, up or down.
+            ends = np.searchsorted(r, section.place(np.asarray(line))[:, 0])
+            np.add.at(row, np.minimum(ends[:-1], ends[1:]), 1)
+            np.add.at(row, np.maximum(ends[:-1], ends[1:]), -1)
+    return np.cumsum(passed, axis=1)[:, :-1]
 
 
 PLACES = 400
