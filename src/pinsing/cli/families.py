@@ -194,8 +194,6 @@ def _with_sweep_options(command: F, *, quiet: bool) -> F:
             chosen["levels"] = _levels(levels)
         if samples is not None:
             chosen["samples"] = samples
-        if nominal_q is not None:
-            parse_numbers(nominal_q, "--nominal-q", deg)
         click.get_current_context().obj = request
         arm = request.load(quiet)
         if sweep_joints is not None:
@@ -448,8 +446,6 @@ def map_command(
     if steps is not None:
         by_joint = _steps(steps)
     pairs = [_range(text, deg) for text in ranges]
-    if q is not None:
-        parse_numbers(q, "--q", deg)
     OptionError.refuse_if(
         keep_values and out is None, "--keep-values needs a folder to keep them in: give -o FOLDER"
     )

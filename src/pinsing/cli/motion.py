@@ -457,7 +457,6 @@ def at_command(
 
     Example: pinsing at ur5 --q 0,-90,90,0,0,0 --deg
     """
-    parse_numbers(q, "--q", deg)  # a slip of the pen, before the robot is read
     arm = request.load()
     from pinsing.kinematics.at import LABEL, at, state_text
     from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
@@ -639,8 +638,6 @@ def suggest_command(
     Example: pinsing at --suggest ur5 --near 0,-90,90,0,0,0 --deg
     """
     OptionError.refuse_if(reach is not None and near is None, "--reach is for use with --near")
-    if near is not None:
-        parse_numbers(near, "--near", deg)
     from pinsing.proximity.clearance import REACH, suggest
 
     radius = REACH if reach is None else angle(reach, "--reach", told_degrees(deg))
@@ -709,7 +706,6 @@ def postures_command(
 
     Example: pinsing postures ur5 --q 10,-70,75,-90,-80,0 --deg
     """
-    parse_numbers(q, "--q", deg)
     arm = request.load()
     from pinsing.families import closed_form
     from pinsing.postures.changes import posture_changes
@@ -995,7 +991,6 @@ def line_command(
 
     Example: pinsing line ur5 --q 10,-70,75,-90,-80,0 --deg --to 0.3,0.2,0.5
     """
-    parse_numbers(q, "--q", deg)
     pose, degrees = _pose(target, "--to", deg), in_degrees(deg)
     shown = [*pose[:3], *map(math.degrees, pose[3:])] if degrees else pose
     arm = request.load()

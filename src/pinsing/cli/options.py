@@ -594,7 +594,7 @@ _OTHERS = {
 }
 """Options that people give to other commands, and what to do instead."""
 
-_VECTORS = ("--q", "--near", "--nominal-q", "--to")
+_VECTORS, _VALUES = ("--q", "--near", "--nominal-q", "--to"), "Q1,Q2,..."
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
 
 
@@ -625,6 +625,15 @@ class GroupedCommand(click.Command):
             if {*p.opts} & {*args} and {*p.secondary_opts} & {*args}:
                 raise OptionError(f"{p.opts[0]} and {p.secondary_opts[0]} exclude each other")
         return super().parse_args(ctx, _joined(args))
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Find slips of the pen in joint values before the robot is read."""
+        for p in self.params:
+            typed = ctx.params.get(p.name or "") if p.metavar == _VALUES else None
+            for text in [typed] if isinstance(typed, str) else typed or ():
+                if p.opts[0] in _VECTORS:
+                    parse_numbers(text, p.opts[0], ctx.params["deg"])
+        return super().invoke(ctx)
 
     def collect_usage_pieces(self, ctx: click.Context) -> list[str]:
         """Name the options that have to be given too."""

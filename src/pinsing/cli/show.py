@@ -253,8 +253,6 @@ def plot_command(
 
     Example: pinsing plot map puma560 --over q2,q3 -o map.pdf
     """  # noqa: D301
-    for text in configurations:
-        parse_numbers(text, "--q", deg)
     given = None if over is None else [name for name in over.split(",") if name.strip()]
     if kind in ("map", "aspects") and (given is None or len(given) != 2):
         what = "a map needs its" if kind == "map" else "aspects need their"
@@ -454,8 +452,6 @@ def report_command(
     Example: pinsing report ur5 -o report.html --skeleton
     """
     _check_pdf(pdf)
-    for text in poses:
-        parse_numbers(text, "--q", deg)
     arm = request.load()
     given = {
         f"given configuration {k}": joint_vector(arm, text, "--q", deg)
@@ -596,8 +592,6 @@ def view_command(
 
     Example: pinsing view ur5 --q 0,-90,90,0,0,0 --deg
     """
-    for text in poses:
-        parse_numbers(text, "--q", deg)
     picture = picture_size(size)
     OptionError.refuse_if(
         follow is not None and (html or png), "--follow needs a page that is served: leave out -o"

@@ -173,11 +173,12 @@ def pose_reason(
         reason = f"prismatic joints {numbers(ids)} are {nearly}{words}"
     elif axes.parallel(turning, tol) and len(turning) > 1:
         reason = _parallel_and_sliding(axes, turning, sliding, tol, nearly)
-    if reason is None:
-        reason = _through_a_centre(axes, ids, centres, tol, nearly)
-    if reason is None:
-        reason = reciprocal_reason(axes, ids, tol, nearly)
-    return reason or dependent(ids, nearly)
+    return (
+        reason
+        or _through_a_centre(axes, ids, centres, tol, nearly)
+        or reciprocal_reason(axes, ids, tol, nearly)
+        or dependent(ids, nearly)
+    )
 
 
 def _of_turning(
