@@ -15,26 +15,13 @@ const DISTINCT = 1e-5; // at type 2 two modes are one, of which CLOSED leaves 3e
 // whole, points }; at a type 2 singularity both of the modes that meet there count. Null where no curve
 // is found.
 export function stretch(data, q, k) {
-  const index = data.actuated[k], { prismatic, lower: least, upper: most } = data.joints[index];
-  const found = trace(data, q, k);
-  if (!found) return null;
-  let { points } = found, here = placeOn(data, points, q);
-  const count = points.length;
-  if (found.closed) {
-    here += count - 1;
-    points = threeTimes(points);
-  }
-  const value = points.map((p) => p.q[index] + q[index] - points[here].q[index]);
-  const slope = points.map((p) => p.t[index]);
-  const last = found.closed ? Math.min(here + count - 1, slope.length - 1) : count - 1;
-  const first = Math.max(here - count + 1, 0), atEnd = motions(data, q).two <= AT_TYPE_2;
-  let [end, turns] = untilTurn(slope, here, last, 1, atEnd);
-  let [begin] = untilTurn(slope, here, first, -1, atEnd);
-  const whole = found.closed && !turns;
-  if (whole) [begin, end] = [here, last];
-  const mode = atEnd ? "0" : assemblySign(data, q);
-  const part = points.slice(Math.max(begin - 1, 0), end + 2);
-  const seen = value.slice(begin, end + 1), low = Math.min(...seen), high = Math.max(...seen);
+  const index = data.actuated[k], { prismatic, lower: least, upper: most } = data.joints[index], curve = trace(data, q, k);
+  if (!curve) return null;
+  const here = placeOn(data, curve.points, q), atEnd = motions(data, q).two <= AT_TYPE_2;
+  const [ahead, behind] = [1, -1].map((step) => side(curve, here, step, index, atEnd)), whole = curve.closed && !ahead.turns;
+  const seen = [...(whole ? [] : behind.points.slice(1).reverse()), ...ahead.points], mode = atEnd ? "0" : assemblySign(data, q);
+  const part = [...(whole ? behind.points.slice(1, 2) : behind.more), ...seen, ...ahead.more];
+  const value = seen.map((p) => p.q[index] + q[index] - ahead.points[0].q[index]), low = Math.min(...value), high = Math.max(...value);
   const centre = whole ? q[index] : (low + high) / 2;
   const marks = singularAlong(data, { moving: k, closed: false, points: part })
     .filter((p) => "0?".includes(mode) || [mode, "0"].includes(assemblySign(data, p.q)))
@@ -50,20 +37,22 @@ export function stretch(data, q, k) {
   return { lower: snapped(lower, least), upper: snapped(upper, most), whole, points: marks };
 }
 
-// A closed curve, with a round more before and after it.
-function threeTimes(points) {
-  const last = points.length - 1, turn = subtract(points[last].q, points[0].q), round = points.slice(0, last);
-  const shifted = (some, turns) => some.map((p) => ({ ...p, q: add(p.q, scaled(turn, turns)) }));
-  return [...shifted(round, -1), ...round, ...shifted(points, 1)];
-}
-
-// Place, from `start` on, just beyond where the slope changes sign; and whether it does.
-function untilTurn(slope, start, last, step, atEnd) {
-  if (start === last) return [start, false];
+// Points of a curve to one side of one of them, up to just beyond where the input turns back, whether it does,
+// and the point after it, if any. A closed curve goes on with its next round.
+function side({ points, closed }, here, step, index, atEnd) {
+  const round = points.length - 1, turn = subtract(points[round].q, points[0].q), out = [];
+  const at = (k) => {
+    const laps = closed ? Math.floor(k / round) : 0, point = points[k - laps * round];
+    return point ? [{ ...point, q: add(point.q, scaled(turn, laps)) }] : [];
+  };
   // At a turning point itself the sign is that of the way ahead.
-  const begin = atEnd ? start + step : start, sign = Math.sign(slope[begin]);
-  for (let k = begin + step; step > 0 ? k <= last : k >= last; k += step) if (Math.sign(slope[k]) !== sign) return [k, true];
-  return [last, false];
+  const first = atEnd ? 1 : 0;
+  let turns = false;
+  for (let n = 0; n <= round && !turns; n++) {
+    out.push(...at(here + step * n));
+    turns = n > first && n < out.length && Math.sign(out[n].t[index]) !== Math.sign(out[first].t[index]);
+  }
+  return { points: out, turns, more: at(here + step * out.length) };
 }
 
 // A value of input k in words, degrees or millimetres.
