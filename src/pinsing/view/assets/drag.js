@@ -34,8 +34,8 @@ class Drag {
   }
 
   pixels(point, camera) {
-    const p = yUp(point).project(camera), box = this.app.view.element.getBoundingClientRect();
-    return [box.left + ((p.x + 1) / 2) * box.width, box.top + ((1 - p.y) / 2) * box.height, p.z];
+    const { element } = this.app.view, box = element.getBoundingClientRect(), [x, y, depth] = pixelsOf(point, camera, element);
+    return [box.left + x, box.top + y, depth];
   }
 
   under(event) {

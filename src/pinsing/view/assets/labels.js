@@ -6,6 +6,12 @@ const GAP = 8; // px between a point and its label
 // A point of the base, z up, in the axes of three.js.
 const yUp = ([x, y, z]) => new MeshCat.THREE.Vector3(x, z, -y);
 
+// Where it is in the picture of an element, pixels, and how deep: beyond 1 it is not seen.
+function pixelsOf(point, camera, { clientWidth, clientHeight }) {
+  const { x, y, z } = yUp(point).project(camera);
+  return [((x + 1) / 2) * clientWidth, ((1 - y) / 2) * clientHeight, z];
+}
+
 class Labels {
   constructor(element) {
     this.element = element;
@@ -36,15 +42,12 @@ class Labels {
     const { clientWidth: wide, clientHeight: high } = this.element, here = this.element.getBoundingClientRect();
     const legend = document.getElementById("legend").getBoundingClientRect();
     const taken = [{ left: legend.left - here.left, right: legend.right - here.left, top: legend.top - here.top, bottom: legend.bottom - here.top }];
-    const seen = (point) => yUp(point).project(camera);
-    const pixels = (p) => [((p.x + 1) / 2) * wide, ((1 - p.y) / 2) * high];
-    const [tx, ty] = this.tip ? pixels(seen(this.tip)) : [-1e6, -1e6];
+    const [tx, ty] = this.tip ? pixelsOf(this.tip, camera, this.element) : [-1e6, -1e6];
     this.marks.forEach(({ at }, k) => {
-      const node = this.nodes[k], p = seen(at);
-      node.hidden = p.z > 1;
+      const node = this.nodes[k], [px, py, depth] = pixelsOf(at, camera, this.element);
+      node.hidden = depth > 1;
       if (node.hidden) return;
       const { offsetWidth: w, offsetHeight: h } = node;
-      const [px, py] = pixels(p);
       const inside = (left, top) => ({ left: Math.min(Math.max(left, 4), Math.max(4, wide - w - 4)), top: Math.min(Math.max(top, 4), Math.max(4, high - h - 4)) });
       // Beside its point on one side or the other, above or below it, then wherever there is room.
       const places = [[px + GAP, py - h / 2], [px - GAP - w, py - h / 2], [px - w / 2, py - h - GAP], [px - w / 2, py + GAP]];

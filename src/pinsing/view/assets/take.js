@@ -3,8 +3,7 @@
 
 const trimmed = (q) => q.map((v) => Number(v.toFixed(9)));
 
-const NUMBER = /^[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$/;
-const HUGE = 1e6; // radians and metres: beyond it the digits of an angle are gone
+const { NUMBER, HUGE } = Engine;
 
 // What the address asks for: #q=0.1,0.2,... and #picture; `problem` says why its q is none.
 function asked() {

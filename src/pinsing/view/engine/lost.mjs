@@ -254,7 +254,7 @@ const across = (sliding, nearly, what) => sliding.length
 const are = (ids) => (ids.length === 1 ? "is" : "are");
 const counted = (one, many, ids) => `${ids.length === 1 ? one : many} ${list(ids)}`;
 
-function list(ids) {
-  const words = ids.map((i) => i + 1);
-  return words.length === 1 ? String(words[0]) : `${words.slice(0, -1).join(", ")} and ${words[words.length - 1]}`;
-}
+const list = (ids) => listed(ids.map((i) => i + 1));
+
+// "a, b and c".
+export const listed = (words) => (words.length === 1 ? String(words[0]) : `${words.slice(0, -1).join(", ")} and ${words[words.length - 1]}`);

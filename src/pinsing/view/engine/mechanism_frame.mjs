@@ -2,7 +2,7 @@
 
 import { outside } from "./limits.mjs";
 import { add, combined, cross, dot, norm, quaternion, scaled, subtract, svd, transpose, turnZTo } from "./linear.mjs";
-import { vector } from "./lost.mjs";
+import { listed, vector } from "./lost.mjs";
 import { drawnRadii, ellipsoids, inBase } from "./measures.mjs";
 import { stateAt } from "./mechanism.mjs";
 import { poseOf } from "./pose_drive.mjs";
@@ -66,8 +66,7 @@ function movingJoints(data, { kind, basis, inputs, outputs }) {
 function why(data, { kind }, hot) {
   const names = hot.map((j) => data.joints[j].name);
   if (!names.length) return [];
-  const who = names.length === 1 ? names[0] : `${names.slice(0, -1).join(", ")} and ${names[names.length - 1]}`;
-  return [`${who} can move although ${LOCKED[kind](data.output)}`];
+  return [`${listed(names)} can move although ${LOCKED[kind](data.output)}`];
 }
 
 function ellipses(data, state, lost) {

@@ -4,9 +4,10 @@
 import { inDegrees } from "./limits.mjs";
 
 const TIME = /^(t|time|stamp|timestamp|seconds)([ _.([]|$)/i;
-const NUMBER = /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i, NO_NUMBER = /^[-+]?(nan|inf|infinity)$/i;
+export const NUMBER = /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i;
+const NO_NUMBER = /^[-+]?(nan|inf|infinity)$/i;
 const UNITS = /^\s*#\s*(angle[\s_]+)?units?\s*[:=](?!\s*rad(ians?)?\s*$)|^\s*#.*((\b|_)deg(rees?)?\b|°)(?!\/)/i;
-const HUGE = 1e6; // beyond it the digits of an angle are gone
+export const HUGE = 1e6; // radians and metres: beyond it the digits of an angle are gone
 
 // Lines that say something, each with its number in the file, split at what its first one is split at.
 function cellsOf(text) {
