@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
     "Python in src: statements": (37_511, 30_000),
     "Python in src: lines": (71_648, 56_000),
-    "C++, JavaScript, templates, styles: lines": (12_304, 9_500),
+    "C++, JavaScript, templates, styles: lines": (12_274, 9_500),
     "modules": (206, 220),
     "packages directly under pinsing": (16, 16),
     "numbers in module constants": (497, 500),

@@ -173,60 +173,45 @@ class SceneView {
       this.node(`ellipsoid/${kind}`).visible = seen;
       if (seen) this.place(`ellipsoid/${kind}`, frame.tip, e.turn, e.drawn);
     }
-    const lost = this.showLost(this.symbols(frame)), free = frame.free ? this.showFree(frame) : [];
-    this.labels.set([...lost, ...free], frame.tip);
+    const symbols = this.symbols(frame);
+    this.mark(symbols);
     // The legend has what is drawn.
-    const drawn = { lost: lost.length > 0, hot: free.length > 0 || (s.axis && frame.hot.length > 0) };
+    const drawn = { lost: symbols.some((m) => !m.free), hot: symbols.some((m) => m.free) || (s.axis && frame.hot.length > 0) };
     for (const [name, seen] of Object.entries(drawn)) document.querySelector(`#legend .key.${name}`).hidden = !seen;
     this.node("floor").visible = s.floor;
     this.viewer.set_dirty();
   }
 
-  // Each lost motion is one thing: an arrow, a ring, or both where it is a screw. Those of a
-  // mechanism are the flat directions of its ellipses.
+  // Each lost motion is one thing: an arrow, a ring, or both where it is a screw. Those of a mechanism are the
+  // flat directions of its ellipses; `free` are motions that its actuators do not hold.
   symbols(frame) {
     if (!this.options.lost) return [];
-    if (!frame.free) {
-      return frame.lost.filter((m) => m.close).map((m) => ({
-        at: m.at, turn: m.turn, label: (frame.status === "singular" ? "" : "nearly ") + LOST_LABELS[m.kind],
-        arrow: m.kind !== "rotation", ring: m.kind === "rotation" || m.kind === "screw",
-        line: m.kind === "line" || m.kind === "screw",
-      }));
-    }
-    return ["translation", "rotation"].flatMap((kind) => {
-      const { flat } = frame.ellipsoids[this.options.mode][kind];
-      if (!this.options[kind] || flat === null) return [];
-      return [{ at: frame.tip, turn: flat, label: "lost", arrow: kind === "translation", ring: kind === "rotation", line: false }];
+    const symbol = (node, { at, turn }, label, kind, free) => ({
+      node, at, turn, label, free, arrow: kind !== "rotation", ring: ["rotation", "screw"].includes(kind), line: ["line", "screw"].includes(kind),
     });
+    if (!frame.free) {
+      return frame.lost.filter((m) => m.close).slice(0, this.settings.lines).map((m, k) =>
+        symbol(`lost/${k}`, m, (frame.status === "singular" ? "" : "nearly ") + LOST_LABELS[m.kind], m.kind, false));
+    }
+    const flats = ["translation", "rotation"].filter((kind) => this.options[kind] && frame.ellipsoids[this.options.mode][kind].flat !== null);
+    return [
+      ...flats.map((kind, k) => symbol(`lost/${k}`, { at: frame.tip, turn: frame.ellipsoids[this.options.mode][kind].flat }, "lost", kind, false)),
+      ...Object.entries(frame.free).flatMap(([kind, m]) => (m ? [symbol(`free/${kind}`, m, "not held", kind, true)] : [])),
+    ];
   }
 
-  showLost(symbols) {
-    const marks = [];
-    for (let k = 0; k < this.settings.lines; k++) {
-      const m = symbols[k];
-      for (const part of ["arrow", "ring", "line"]) this.node(`lost/${k}/${part}`).visible = Boolean(m && m[part]);
-      if (!m) continue;
-      this.place(`lost/${k}`, m.at, m.turn);
-      const ends = [1, -1].map((way) => along(m.at, m.turn, (m.arrow ? 0.27 : 0.18) * way * this.settings.reach));
+  // Draws symbols and their labels.
+  mark(symbols) {
+    const { lines, reach } = this.settings, { frame } = this, shown = (node) => symbols.find((m) => m.node === node);
+    for (let k = 0; k < lines; k++) for (const part of ["arrow", "ring", "line"]) this.node(`lost/${k}/${part}`).visible = Boolean(shown(`lost/${k}`)?.[part]);
+    for (const kind of Object.keys(frame.free ?? {})) this.node(`free/${kind}`).visible = Boolean(shown(`free/${kind}`));
+    this.labels.set(symbols.map(({ node, at, turn, label, free, arrow }) => {
+      this.place(node, at, turn);
+      const ends = [1, -1].map((way) => along(at, turn, (arrow ? 0.27 : 0.18) * way * reach));
       // The label stands at the end that is away from the arm.
-      const near = (end) => Math.min(...this.frame.links.map((l) => Math.hypot(end[0] - l[0], end[1] - l[1], end[2] - l[2])));
-      marks.push({ at: m.arrow && near(ends[1]) > near(ends[0]) + 1e-6 ? ends[1] : ends[0], text: m.label });
-    }
-    return marks;
-  }
-
-  // Motions of a mechanism that its actuators do not hold.
-  showFree(frame) {
-    const marks = [];
-    for (const [kind, length] of [["translation", 0.27], ["rotation", 0.18]]) {
-      const arrow = frame.free[kind];
-      const seen = this.options.lost && arrow !== null;
-      this.node(`free/${kind}`).visible = seen;
-      if (!seen) continue;
-      this.place(`free/${kind}`, arrow.at, arrow.turn);
-      marks.push({ at: along(arrow.at, arrow.turn, length * this.settings.reach), text: "not held", free: true });
-    }
-    return marks;
+      const near = (end) => Math.min(...frame.links.map((l) => Math.hypot(end[0] - l[0], end[1] - l[1], end[2] - l[2])));
+      return { at: arrow && near(ends[1]) > near(ends[0]) + 1e-6 ? ends[1] : ends[0], text: label, free };
+    }), frame.tip);
   }
 
   set(option, value) {
@@ -249,7 +234,7 @@ class SceneView {
         out.push(new Vector3(x, y, z).applyMatrix4(o.matrixWorld));
       }
     });
-    const bars = this.symbols(frame).map(({ at, turn }) => [at, turn, 0.27 * this.settings.reach, 2]);
+    const bars = this.symbols(frame).filter((m) => !m.free).map(({ at, turn }) => [at, turn, 0.27 * this.settings.reach, 2]);
     for (const { turn, drawn } of Object.values(frame.ellipsoids[this.options.mode])) {
       drawn.forEach((length, k) => bars.push([frame.tip, turn, length, k]));
     }
