@@ -20,26 +20,6 @@ def configurations(arm, n=200):
     return np.random.default_rng(1).uniform(-3, 3, (n, arm.n))
 
 
-TASKS = ("pose", "position", "orientation", "vx,vz,wy")
-
-
-@needs_kernel
-@pytest.mark.parametrize(
-    ("name", "options"),
-    [
-        *((name, {}) for name in ("stanford", "surgical7", "ur5", "kinova", "so101")),
-        *(("panda", {"task": task, "length_scale": 0.3}) for task in TASKS),
-    ],
-    ids=str,
-)
-def test_engines_agree(name, options):
-    arm = load(name, **options)
-    Q = configurations(arm)
-    for compute, atol in ((kinematics.frame_jacobians, 1e-12), (kinematics.singular_values, 1e-13)):
-        batch, loop = (compute(arm, Q, engine=engine) for engine in ("batch", "pinocchio"))
-        np.testing.assert_allclose(batch, loop, atol=atol)
-
-
 @needs_kernel
 def test_a_kernel_that_differs_is_refused(monkeypatch):
     arm = load("ur5")

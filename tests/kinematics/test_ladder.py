@@ -153,13 +153,6 @@ class TestNames:
         }
         assert len({number for number, _ in pairs}) == len({n for _, n in pairs}) == len(pairs) == 8
 
-    def test_aspects_have_them_in_text_and_json(self):
-        form = pinsing.closed_form(pinsing.load("puma560"))
-        found = pinsing.aspects(form, limits=False)
-        assert len({a.names for a in found}) == 8
-        assert "shoulder left, elbow up, wrist flip" in str(found)
-        assert pinsing.postures.Aspects.from_dict(found.to_dict())[0].names == found[0].names
-
     @pytest.mark.parametrize("name", ["lrmate200id", "m10id", "r2000ic"])
     def test_a_fanucs_pendant_shows_no_flip_with_the_tool_down(self, name):
         geometry = pinsing.robot.nominal(pinsing.load(name))
