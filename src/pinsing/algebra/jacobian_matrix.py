@@ -415,19 +415,6 @@ def jacobian_matrix(
     return chain.columns(joints, middle, rows)
 
 
-def neighbouring_screws(
-    geometry: Nominal, ring: Ring, joints: Sequence[int], time: Budget
-) -> Matrix:
-    """Return screws of some of the arm's joints as columns (6, k), in the frame of a middle one.
-
-    Up to row operations and column factors that are nowhere zero. Those of neighbours are short:
-    only what moves between the first and the last occurs. Mimic joints are as of `jacobian_matrix`.
-    """
-    chain = _Chain(geometry, ring, time)
-    every = sorted(j for a in joints for j in driven_by(chain.drives, a))
-    return chain.columns(joints, every[len(every) // 2], operator.add)
-
-
 class RowExpansion:
     """Minors of one matrix, each from smaller ones, until the time is over."""
 
@@ -664,7 +651,12 @@ class NearMinors:
         if self.task.name == "pose":
             chosen = tuple(joints)
             if chosen not in self._screws:
-                self._screws[chosen] = neighbouring_screws(self.geometry, ring, joints, self.time)
+                # In the frame of a middle one, up to row operations and column factors that are
+                # nowhere zero: only what moves between the first and the last occurs.
+                chain = _Chain(self.geometry, ring, self.time)
+                every = sorted(j for a in joints for j in driven_by(chain.drives, a))
+                middle = every[len(every) // 2]
+                self._screws[chosen] = chain.columns(joints, middle, operator.add)
             matrix = self._screws[chosen]
         else:
             matrix = [[row[j] for j in joints] for row in self._whole]

@@ -119,7 +119,10 @@ def real_solutions(polys: Sequence[Poly], ring: Ring, time: Budget) -> list[Solu
     # Those of short systems are found however late it is: an answer must not depend on the load of
     # a machine where it costs nothing.
     joints = sorted({j for p in polys for j in ring.joints_of(p)})
-    if _is_short(polys, joints, ring):
+    terms = [m for p in polys for m in p.monoms()]
+    degrees = (max(sum(int(m[v]) for v in ring.variables(j)) for m in terms) for j in joints)
+    small = len(joints) <= _SHORT[0] and len(terms) <= _SHORT[1]
+    if small and math.prod(degrees) <= _SHORT[2]:
         time = Budget(math.inf)
     found: dict[object, Solution] = {}
     for s in _solve(list(polys), joints, ring, time):
@@ -129,15 +132,6 @@ def real_solutions(polys: Sequence[Poly], ring: Ring, time: Budget) -> list[Solu
         )
         found.setdefault(key, s)
     return list(found.values())
-
-
-def _is_short(polys: Sequence[Poly], joints: Sequence[int], ring: Ring) -> bool:
-    degrees = (
-        max(sum(int(m[v]) for v in ring.variables(j)) for p in polys for m in p.monoms())
-        for j in joints
-    )
-    terms = sum(map(len, polys))
-    return len(joints) <= _SHORT[0] and terms <= _SHORT[1] and math.prod(degrees) <= _SHORT[2]
 
 
 def _solve(polys: list[Poly], joints: list[int], ring: Ring, time: Budget) -> list[Solution]:

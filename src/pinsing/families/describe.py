@@ -119,6 +119,7 @@ class PieceMaker:
         """Whether relations may be products, whose roots are not to be listed."""
         self._met, self._made = MadeOnce(), MadeOnce()
         arm = geometry.arm
+        self.space = arm.space
         flat = [float(x) for row in geometry.translation for x in row]
         self.lengths = [abs(x) for x in flat if x != 0]
         # A family is as real outside the limits: sliders range over the size of the arm at least.
@@ -297,19 +298,13 @@ class PieceMaker:
         held = sorted((self._value(j, v) for j, v in values.items()), key=lambda v: v.joint)
         return Branch(tuple(held), tuple(self.equation_of(p) for p in relations))
 
-    def away(self, q: Array, value: JointValue) -> Array:
-        """Return the distance (N,) of a joint from a value at q (N, n), without whole turns."""
-        off = q[:, value.joint] - value.value
-        if not self.ring.prismatic[value.joint]:
-            off = off - 2 * np.pi * np.round(off / (2 * np.pi))
-        return np.abs(off)
-
     def off(self, q: Array, values: Mapping[int, Value], relations: Sequence[Poly] = ()) -> Array:
         """How far (N,) configurations are from joint values and, in equations' sizes, relations."""
         branch = self.branch_of(values, relations)
-        parts = [np.zeros(len(q)), *(self.away(q, v) for v in branch.values)]
-        parts += list(np.abs(system_of(branch.equations).values(q)).T) if branch.equations else []
-        return np.asarray(np.max(parts, axis=0))
+        metric = self.space.metric[[v.joint for v in branch.values]]
+        parts = [branch.off(q, self.space) * metric]
+        parts += [system_of(branch.equations).values(q)] if branch.equations else []
+        return np.asarray(np.abs(np.concatenate(parts, axis=1)).max(axis=1, initial=0.0))
 
     def rounds(self, wanted: int = ROUNDS) -> int:
         """Batches of random starts that there is time for."""
