@@ -99,7 +99,7 @@ def fork_children() -> None:
     """Let pinsing fork its child processes from now on."""
     for name in _NEEDED:
         importlib.import_module(name)
-    for name in ("pinsing.description.xacro", "pinsing.view.meshes"):
+    for name in ("pinsing.description.files", "pinsing.view.meshes"):
         module = importlib.import_module(name)
         names = {"Popen": Forked, "run": run, "TimeoutExpired": subprocess.TimeoutExpired}
         stand_in = type("subprocess", (), {**names, "PIPE": -1, "DEVNULL": -3})

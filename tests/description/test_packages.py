@@ -8,7 +8,7 @@ from command_line import run
 from urdf_texts import make_package, robot
 
 import pinsing
-from pinsing.description.ros_packages import PackageIndex
+from pinsing.description.files import PackageIndex
 from pinsing.description.urdf import read_description
 from pinsing.errors import RobotFileError
 from pinsing.robot.models import build_model

@@ -7,8 +7,8 @@ from command_line import python
 from tiers import tiered
 from urdf_texts import LIMIT, XACRO, joint, make_package, robot
 
+from pinsing.description.files import expand_xacro
 from pinsing.description.urdf import read_description
-from pinsing.description.xacro import expand_xacro
 from pinsing.errors import RobotFileError
 from pinsing.robot.models import build_model
 
@@ -133,7 +133,7 @@ def test_bad_xacro(case, read, tmp_path, capfd):
 
 @pytest.mark.slow
 def test_xacro_that_does_not_end(read, monkeypatch):
-    monkeypatch.setattr("pinsing.description.xacro.TIMEOUT_SECONDS", 1)
+    monkeypatch.setattr("pinsing.description.files.TIMEOUT_SECONDS", 1)
     twice = '<xacro:m n="${n - 1}"/>' * 2
     macro = f'<xacro:macro name="m" params="n"><xacro:if value="${{n}}">{twice}</xacro:if>'
     with pytest.raises(RobotFileError, match="does not end within 1 s"):
@@ -216,7 +216,7 @@ def test_bad_yaml(content, expected, line, read, tmp_path):
 
 def test_the_wall_is_there_and_its_absence_is_said(read, monkeypatch):
     assert not any("wall" in note for note in read(XACRO.format(ARM), name="arm.xacro").notes)
-    monkeypatch.setattr("pinsing.description.xacro._WALL", False)
+    monkeypatch.setattr("pinsing.description.files._WALL", False)
     assert any("white list alone" in note for note in read(XACRO.format(ARM), name="a.xacro").notes)
 
 

@@ -7,7 +7,7 @@ import pytest
 from command_line import python
 
 from pinsing.description.catalog import data_folder
-from pinsing.description.xacro import expand_xacro
+from pinsing.description.files import expand_xacro
 from pinsing.errors import RobotFileError
 
 # xacro as it comes, on files that we know; packages are the folders by their names.

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pinsing
-from pinsing.description import ros_packages as references
+from pinsing.description import files as references
 from pinsing.view import collada as collada_reader, meshes
 from pinsing.view.collada import NotPlainError, Painted, as_object, read_collada
 from pinsing.view.meshes import Mesh, read_meshes

@@ -14,8 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, cast, get_args
 
-from pinsing.description.ros_packages import PackageIndex, Shapes
-from pinsing.description.xacro import expand_xacro, is_xacro
+from pinsing.description.files import PackageIndex, Shapes, expand_xacro, is_xacro
 from pinsing.description.xml_tree import (
     LARGEST,
     LARGEST_INERTIA,

@@ -1,6 +1,6 @@
 """The child process in which xacro runs.
 
-It is started by path (see `pinsing.description.xacro`), gets a request on stdin, asks its parent
+It is started by path (see `pinsing.description.files`), gets a request on stdin, asks its parent
 for files and packages, and answers, all in lines of JSON. Being a process of its own it may bend
 xacro to what pinsing needs, and may be stopped when a file never ends:
 

@@ -25,7 +25,7 @@ import pinocchio as pin
 
 from pinsing._package import Advised
 from pinsing.description.catalog import CatalogEntry, known_arms, locate_robot, urdf_folder
-from pinsing.description.ros_packages import Shapes
+from pinsing.description.files import Shapes
 from pinsing.description.urdf import Description, parse_description, read_description
 from pinsing.description.xml_tree import has_control
 from pinsing.errors import (

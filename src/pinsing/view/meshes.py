@@ -21,7 +21,7 @@ import pinocchio as pin
 
 from pinsing.atomic_write import write_bytes
 from pinsing.description import child_jail
-from pinsing.description.xacro import MEMORY
+from pinsing.description.files import MEMORY
 from pinsing.errors import PinsingError
 from pinsing.measures import Array, NDArray
 from pinsing.view.collada import Painted, unpacked

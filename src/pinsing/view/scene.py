@@ -23,7 +23,7 @@ import numpy as np
 import pinocchio as pin
 import umsgpack
 
-from pinsing.description.ros_packages import ColladaProblem, image_references
+from pinsing.description.files import ColladaProblem, image_references
 from pinsing.errors import OptionError
 from pinsing.kinematics.at import at
 from pinsing.kinematics.jacobian import frame_jacobians
