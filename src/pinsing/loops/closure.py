@@ -713,21 +713,26 @@ def gauss_newton(
     free: Bool | slice = slice(None),
     steps: int = 60,
     reach: float = np.inf,
-    across: Array | None = None,
+    more: Callable[[Array], tuple[Array, Array]] | None = None,
 ) -> tuple[Array, float]:
     """Close the loops by moving ``free`` joints least: configuration and residual."""
-    # No further than ``reach``, and without units ``across`` a direction (n,). Steps are cut at
-    # half a radian (half a length scale): else they would jump between assembly modes.
+
+    # No further than ``reach``, and to where ``more`` is zero as well: values, and their slopes (k,
+    # n) without units. Steps are cut at half a radian (half a length scale): else they would jump
+    # between assembly modes.
+    def system(q: Array) -> tuple[Array, Array]:
+        error, G = loops.scaled(q)
+        values, slopes = (np.zeros(0), np.zeros((0, len(q)))) if more is None else more(q)
+        return np.append(error, values), np.vstack([G, slopes])
+
     start, best, q = q, np.inf, q.copy()
     kept = start
     for _ in range(steps):
-        error, G = loops.scaled(q)
+        error, G = system(q)
         size = float(np.abs(error).max())
         if size >= best and best <= SOLVED:
             break
         best, kept = size, q.copy()
-        if across is not None:
-            G, error = np.vstack([G, across]), np.append(error, 0.0)
         step = np.linalg.lstsq(G[:, free], -error, rcond=1e-11)[0]
         longest = float(np.abs(step).max(initial=0.0))
         if longest > 0.5:
@@ -737,7 +742,7 @@ def gauss_newton(
             return kept, best
         if size <= 1e-15:
             break
-    last = float(np.abs(loops.scaled(q)[0]).max())
+    last = float(np.abs(system(q)[0]).max())
     return (q, last) if last <= best else (kept, best)
 
 

@@ -8,17 +8,18 @@ so that it runs through type 2 singularities, where the moving input turns back 
 mode begins. The ends of the feasible range of an input are therefore points of the curve like any
 other.
 
-The measures have a kink at zero, so what is refined is a smooth system: the loops closed, all
-inputs but one held, and a velocity z of unit length with
+The measures have a kink at zero, so what is refined is, with the loops closed and all inputs but
+one held, a singular value with the sign that its vectors give it:
 
-    type 1:      G z = 0, J z = 0     (a motion that leaves the output at rest)
-    type 2:      G z = 0, S z = 0     (a motion that leaves the actuators at rest)
-    type 3:      both, each with a motion of its own
-    constraint:  G Z = 0, Z' Z = 1    (one motion more than the mobility)
+    type 1:      of [G; J]   (a motion that leaves the output at rest)
+    type 2:      of [G; S]   (a motion that leaves the actuators at rest)
+    type 3:      of both
+    constraint:  of G        (one motion more than the mobility)
 """
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -188,7 +189,8 @@ class Curve:
 
     def correct(self, guess: Array, along: Array | None = None) -> Array | None:
         """Nearest closed configuration with the same held inputs, across the tangent; or None."""
-        q, error = gauss_newton(self.loops, guess, self.free, 20, 1.0, along)
+        more = None if along is None else lambda _: (np.zeros(1), along)
+        q, error = gauss_newton(self.loops, guess, self.free, 20, 1.0, more)
         return q if error <= SOLVED else None
 
     def run(self, start: Array, side: Array | None) -> tuple[list[tuple[Array, Array]], bool]:
@@ -336,7 +338,9 @@ def refine_point(
     q = mechanism.check(q)
     loops = Loops(mechanism)
     inner = Loops(to_its_size(mechanism))
-    found = _nearest_singular(inner, q, kind, list(held)) * inner.column_scale
+    free = ~np.isin(np.arange(mechanism.n), held)
+    more = functools.partial(_vanishing, inner, kind=kind)
+    found, _ = gauss_newton(inner, q, free, 40, np.pi, more)
     return _point(loops, found, kind, held, rtol)
 
 
@@ -443,77 +447,34 @@ def _candidates(t: Trace, index: int) -> list[tuple[str, int]]:
     return sorted(out, key=lambda c: c[0] != "constraint")
 
 
-def _nearest_singular(loops: Loops, q: Array, kind: str, held: list[int]) -> Array:
-    """Solve the smooth system of (x, Z) of a kind near q (n,); x is without units."""
-    mechanism, n, step_x = loops.mechanism, loops.mechanism.n, 1e-5
-    d = {"type 3": 2, "constraint": ranks(mechanism).mobility + 1}.get(kind, 1)
-    # Products of columns of Z that are given: the two of type 3 are each of length 1, no more.
-    pairs = np.diag_indices(2) if kind == "type 3" else np.triu_indices(d)
-    actuated = np.eye(n)[list(mechanism.actuated)]
-    start = q / loops.column_scale
+def _vanishing(loops: Loops, q: Array, kind: str) -> tuple[Array, Array]:
+    """Return what is zero where q (n,) is of a kind, singular values first, and slopes (k, n)."""
+    generic, actuated = ranks(loops.mechanism), list(loops.mechanism.actuated)
+    lost = {
+        "type 1": generic.constraint + generic.output,
+        "type 2": len(q),
+        "constraint": generic.constraint,
+    }
 
-    def matrices(x: Array) -> tuple[Array, list[tuple[Array, slice]]]:
-        """Closure error, and matrices with the columns of Z that they take to zero."""
-        at = x * loops.column_scale
-        error, G = loops.scaled(at)
-        if kind == "constraint":
-            return error, [(G, slice(None))]
-        found = []
-        if kind != "type 2":
-            found.append(np.vstack([G, loops.output_scaled(at)]))
-        if kind != "type 1":
-            found.append(np.vstack([G, actuated]))
-        return error, [(M, slice(k, k + 1)) for k, M in enumerate(found)]
+    def matrix(at: Array, which: str) -> Array:
+        """The matrix that loses a rank."""
+        G = loops.scaled(at)[1]
+        if which == "constraint":
+            return G
+        more = loops.output_scaled(at) if which == "type 1" else np.eye(len(q))[actuated]
+        return np.vstack([G, more])
 
-    def equations(Z: Array, blocks: list[tuple[Array, slice]]) -> Array:
-        """What the matrices make of Z (..., n, d), and the products of its columns."""
-        moved = [(M @ Z[..., c]).reshape(*Z.shape[:-2], -1) for M, c in blocks]
-        unit = (np.swapaxes(Z, -1, -2) @ Z - np.eye(d))[..., pairs[0], pairs[1]]
-        return np.concatenate([*moved, unit], axis=-1)
-
-    def residual(x: Array, Z: Array) -> Array:
-        error, blocks = matrices(x)
-        return np.concatenate([error, equations(Z, blocks), (x - start)[held]])
-
-    def inverse_at(x: Array, Z: Array) -> Array:
-        """The inverse of the Jacobian, by central differences: in Z, of degree 2, exact."""
-        sides = [(x + step_x * e, x - step_x * e) for e in np.eye(n)]
-        in_x = np.array([residual(a, Z) - residual(b, Z) for a, b in sides]) / (2 * step_x)
-        error, blocks = matrices(x)
-        units = np.eye(n * d).reshape(-1, n, d)
-        in_Z = (equations(Z + units, blocks) - equations(Z - units, blocks)) / 2
-        in_Z = np.pad(in_Z, ((0, 0), (len(error), len(held))))
-        return np.asarray(np.linalg.pinv(np.concatenate([in_x, in_Z]).T, rcond=1e-9))
-
-    x, Z = start, np.zeros((n, d))
-    for M, c in matrices(x)[1]:
-        Z[:, c] = np.linalg.svd(M)[2][-Z[:, c].shape[1] :].T
-    value = residual(x, Z)
-    size, stalled = float(np.linalg.norm(value)), 0
-    for _ in range(40):
-        if size <= 1e-15 or stalled == 2:
-            break
-        # Damped steps of least length: the system may have dependent or spare equations.
-        inverse = inverse_at(x, Z)
-        step = -inverse @ value
-        factor = min(1.0, 0.3 / max(float(np.abs(step).max()), 1e-300))
-        for _ in range(6):
-            x_new = x + factor * step[:n]
-            Z_new = Z + factor * step[n:].reshape(n, d)
-            value_new = residual(x_new, Z_new)
-            size_new = float(np.linalg.norm(value_new))
-            # Where joints are nearly locked the equations bend: the step that is left tells more.
-            ahead, behind = (float(np.linalg.norm(x)) for x in (inverse @ value_new, step))
-            left = ahead / max(behind, 1e-300)
-            if size_new < size or left < 0.5:
-                break
-            factor /= 3
-        else:
-            break
-        # A minimum that is not zero is approached slowly: it is no singularity.
-        stalled = stalled + 1 if min(size_new / size, left) > 0.9 else 0
-        x, Z, value, size = x_new, Z_new, value_new, size_new
-    return x
+    values, slopes = [], []
+    for one in ("type 1", "type 2") if kind == "type 3" else (kind,):
+        U, sigma, Vt = np.linalg.svd(matrix(q, one))
+        # It changes as u dM v, both kept: so does what is zero of a vector v beside that one.
+        place = lost[one] - 1
+        u, still = U[:, place], Vt[place:]
+        steps = np.diag(1e-5 * loops.column_scale)
+        changes = [u @ (matrix(q + e, one) - matrix(q - e, one)) / 2e-5 for e in steps]
+        values.append(np.pad(sigma[place : place + 1], (0, len(still) - 1)))
+        slopes.append(still @ np.transpose(changes))
+    return np.concatenate(values), np.concatenate(slopes)
 
 
 def _point(loops: Loops, q: Array, kind: str, held: Sequence[int], rtol: float) -> SingularPoint:
