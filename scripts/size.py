@@ -11,7 +11,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
     "Python in src: statements": (37_462, 30_000),
-    "Python in src: lines": (71_578, 56_000),
+    "Python in src: lines": (71_573, 56_000),
     "C++, JavaScript, templates, styles: lines": (12_274, 9_500),
     "modules": (206, 220),
     "packages directly under pinsing": (16, 16),

@@ -1014,7 +1014,10 @@ def count_of(section: Section, joints: Sequence[Array], height: Array, r: Array,
             ends = np.searchsorted(r, section.place(np.asarray(line))[:, 0])
             np.add.at(row, np.minimum(ends[:-1], ends[1:]), 1)
             np.add.at(row, np.maximum(ends[:-1], ends[1:]), -1)
-    return np.cumsum(passed, axis=1)[:, :-1]
+    count = np.cumsum(passed, axis=1)[:, :-1]
+    # What differs from all places around, next to the curves, is taken from them.
+    around = np.stack([np.roll(count, s, (0, 1)) for s in product((-1, 0, 1), repeat=2) if any(s)])
+    return np.where((around != count).all(axis=0), np.sort(around, axis=0)[4], count)
 
 
 PLACES = 400

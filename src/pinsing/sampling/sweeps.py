@@ -960,20 +960,14 @@ def pack_sweep(result: SweepResult) -> bytes:
 _CHUNK, _CHUNK_ON_DISK = 16_384, 65_536
 
 
-@dataclass(frozen=True)
-class Kept:
-    """What chunks keep."""
-
-    values: bool  # all of sigma_r and sigma_r / sigma_1: 16 bytes for each Jacobian
-    worst: int  # how many of the worst configurations
-    candidates: int  # how many dips at most
-
-
 class SweepJob(Job):
-    """The curves of a sweep, ``curves`` in each chunk; ``table`` has all."""
+    """The curves of a sweep, ``curves`` in each chunk, which keeps ``values`` too if asked."""
 
-    def __init__(self, plan: SweepPlan, batch: Batch, curves: int, kept: Kept) -> None:
-        self.plan, self.batch, self.kept, self.curves = plan, batch, kept, curves
+    def __init__(
+        self, plan: SweepPlan, batch: Batch, curves: int, values: bool, worst: int, candidates: int
+    ) -> None:
+        self.plan, self.batch, self.curves = plan, batch, curves
+        self.values, self.worst, self.candidates = values, worst, candidates
         self.table = CurveTable(plan)
         self.count, self.size = len(self.table) * plan.samples, curves * plan.samples
 
@@ -994,9 +988,9 @@ class SweepJob(Job):
             "curves": len(self.table),
             "chunks": self.chunks,
             "curves_of_a_chunk": self.curves,
-            "keep": self.kept.values,
-            "worst": self.kept.worst,
-            "candidates": self.kept.candidates,
+            "keep": self.values,
+            "worst": self.worst,
+            "candidates": self.candidates,
             "ranges and special values": digest.hexdigest(),
         }
 
@@ -1007,15 +1001,15 @@ class SweepJob(Job):
     def part(self, index: int) -> Callable[[], Record]:
         """One chunk, with no more than it needs."""
         return functools.partial(
-            compute_curves, self.batch, self.kept, self.table.ranges, self.plan.samples,
-            self._rows(index),
+            compute_curves, self.batch, self.values, self.worst, self.candidates,
+            self.table.ranges, self.plan.samples, self._rows(index),
         )  # fmt: skip
 
     def check(self, index: int, record: Record) -> None:
         """Raise a DamagedError that says why ``record`` cannot be that of a chunk."""
         start, stop = self.span(index)
-        tally, pool = Tally(self.kept.worst), Pool(self.kept.candidates)
-        values = VALUES if self.kept.values else ()
+        tally, pool = Tally(self.worst), Pool(self.candidates)
+        values = VALUES if self.values else ()
         check_names(record, (*tally.names, *pool.names, *values))
         regular = int((~self._rows(index).singular).sum()) * self.plan.samples
         tally.check(record, regular, start, stop, self._again)
@@ -1031,24 +1025,21 @@ class SweepJob(Job):
     def room(self, index: int) -> int:
         """Bytes that the arrays of a chunk take at most."""
         start, stop = self.span(index)
-        count, kept = stop - start, self.kept
-        dips = 32 * min(kept.candidates, count)
-        return Tally(kept.worst).room(count) + dips + (16 * count if kept.values else 0)
+        count = stop - start
+        dips = 32 * min(self.candidates, count)
+        return Tally(self.worst).room(count) + dips + (16 * count if self.values else 0)
 
 
 def compute_curves(
-    batch: Batch,
-    kept: Kept,
-    ranges: Array,
-    samples: int,
+    batch: Batch, values: bool, worst: int, candidates: int, ranges: Array, samples: int,
     rows: CurveRows,
-) -> Record:
+) -> Record:  # fmt: skip
     """Return the tally and candidates of one chunk as arrays.
 
-    With ``kept.values`` also ``sigma_min`` and ``sigma_ratio`` (N,). Joints move over ``ranges``
+    With ``values`` also ``sigma_min`` and ``sigma_ratio`` (N,). Joints move over ``ranges``
     (n, 2) in ``samples``; ``rows`` are its curves.
     """
-    tally, pool = Tally(kept.worst), Pool(kept.candidates)
+    tally, pool = Tally(worst), Pool(candidates)
     sigma_min: list[Array] = []
     sigma_ratios: list[Array] = []
     places, block = np.arange(samples)[None], _curves_per_block(samples)
@@ -1067,11 +1058,11 @@ def compute_curves(
         row, column = np.nonzero(dip)
         kind = kinds(rows, samples, row + first, column)
         pool.add(numbers[dip], kind, last[dip], ratio[dip])
-        if kept.values:
+        if values:
             sigma_min.append(last.ravel())
             sigma_ratios.append(ratio.ravel())
     record = tally.record() | pool.record()
-    if kept.values:
+    if values:
         record |= zip(VALUES, map(np.concatenate, (sigma_min, sigma_ratios)), strict=True)
     return record
 
@@ -1188,13 +1179,14 @@ def run_sweep(
         OptionError.refuse_if(
             number is not None and number < 1, f"{name} must be at least 1, got {number}"
         )
-    kept = Kept(keep is not False and check_keep(plan, keep), int(worst), int(candidates))
+    kept = keep is not False and check_keep(plan, keep)
     if chunk is None:
-        most = _CHUNK_ON_DISK if kept.values else 524_288  # in 256 chunks, without the curves
+        most = _CHUNK_ON_DISK if kept else 524_288  # in 256 chunks, without the curves
         chunk = max(_CHUNK if out is None else _CHUNK_ON_DISK, min(most, plan.n_jacobians // 256))
     block = _curves_per_block(plan.samples)
     size = max(1, chunk // plan.samples // block) * block
-    job = SweepJob(plan, planned_batch(arm, out, engine), int(size), kept)
+    on = planned_batch(arm, out, engine)
+    job = SweepJob(plan, on, int(size), kept, int(worst), int(candidates))
     some = len(plan.uniform) > 0
     last, ratio = last_and_ratio(job.batch, plan.uniform) if some else (np.empty(0), np.empty(0))
     uniform = tuple(
@@ -1203,14 +1195,14 @@ def run_sweep(
             plan.uniform_values.tolist(), last.tolist(), ratio.tolist(), strict=True
         )
     )
-    table, tally, pool = job.table, Tally(kept.worst), Pool(kept.candidates)
-    values = np.full((2, job.count if kept.values else 0), np.nan)  # of curves that have come in
+    table, tally, pool = job.table, Tally(job.worst), Pool(job.candidates)
+    values = np.full((2, job.count if kept else 0), np.nan)  # of curves that have come in
     notes = list(plan.notes)
 
     def take(start: int, record: Record) -> None:
         tally.join(record)
         pool.join(record)
-        for row, name in zip(values, VALUES if kept.values else (), strict=False):
+        for row, name in zip(values, VALUES if kept else (), strict=False):
             row[start : start + len(record[name])] = record[name]
 
     with running(job, out, threads, executor, parallel, progress, tell) as run:
@@ -1222,7 +1214,7 @@ def run_sweep(
                 f"{found.found:,} dips of sigma_min, of which {len(found):,} are refined: "
                 "the smallest of each combination of joints, spread over their ranges"
             )
-        if not kept.values and keep is not False:
+        if not kept and keep is not False:
             need = _size(16 * plan.n_jacobians)
             notes.append(f"the curves are not part of the result: they take {need}")
         summary = None
@@ -1241,7 +1233,7 @@ def run_sweep(
             complete=run.done == job.count,
             notes=tuple(notes),
             engine=job.batch.engine,
-            kept=kept.values,
+            kept=kept,
             done=len(uniform) + run.done,
             summary=summary,
             candidates=found,
