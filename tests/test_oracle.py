@@ -32,6 +32,11 @@ def test_random_structured_chains_have_no_false_claim(group):
         assert outcome.verdict in ("complete", "not complete", "unconfirmed", "no motion"), outcome
 
 
+def test_a_family_that_no_order_of_its_equations_divides_is_proven():
+    """Three equations in the same joints: linear algebra finds what sums of these minors are."""
+    assert closed_form(chains.arm_of(chains.random_spec(26))).word == "proven"
+
+
 def test_the_oracle_of_real_points_moves_as_pinocchio_does():
     """Its Jacobians, of every task, and singular points of a chain with a known family."""
     points = script("oracle.points")

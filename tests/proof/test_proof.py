@@ -15,7 +15,7 @@ from tiers import tiered
 import pinsing
 from pinsing import load
 from pinsing.families import closed_form, prove
-from pinsing.families.certificate import text_of
+from pinsing.families.certificate import combination, text_of
 from pinsing.families.proof_forms import form_text
 from pinsing.proof import checker
 from pinsing.proof.checker import Certificate, Ring
@@ -67,6 +67,21 @@ def test_tasks_of_a_few_rows_are_proven(robot, task, count):
     assert form.word == "proven", form.proof.reason
     assert len(form.families) == count
     assert form.proof.size < 20_000
+
+
+def test_a_form_is_a_sum_of_multiples_of_others():
+    """Two equations in the same two joints: no order of these in which one could divide."""
+    ring = Ring([False, False], [])
+    (x1, y1), (x2, y2) = ring.pairs
+    p, g = x1 * y2 + 2 * y1 * x2, 3 * x1 * x2 - y1 * y2
+    first, second = combination(ring, p * x2 - 5 * g * y2, [p, g])
+    assert ring.reduced(first * p + second * g) == p * x2 - 5 * g * y2
+    assert combination(ring, x1 * x2, [p, g]) is None  # not zero at their common zeros
+    # x1 x2 + y1 y2 and x1 y2 - y1 x2 are zero together at a complex zero of units alone.
+    both = [x1 * x2 + y1 * y2, x1 * y2 - y1 * x2]
+    found = combination(ring, x1, both)
+    assert ring.stripped(sum(c * f for c, f in zip(found, both, strict=True))) == [x1]
+    assert combination(Ring([False, False], [2]), p * x2, [p]) is None
 
 
 @pytest.mark.slow

@@ -23,6 +23,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from flint import fmpq_mat
 
 from pinsing.algebra.budget import Apart, Budget, BudgetExceeded
 from pinsing.algebra.jacobian_matrix import constants
@@ -48,8 +49,59 @@ from pinsing.families.proof_forms import (
     top_of,
     vanishes,
 )
-from pinsing.proof.checker import MOST_WORK, Poly, Rejected, verify
+from pinsing.proof.checker import MOST_WORK, Poly, Rejected, Ring, verify
 from pinsing.robot.surd import Surd
+
+
+def combination(ring: Ring, form: Poly, others: Sequence[Poly]) -> list[Poly] | None:
+    """Return factors of others whose sum is a form times units; None if none was found."""
+    # Unlike division it needs no order of the joints: the others may all have the same ones.
+    if ring.squares:
+        return None
+    joints = sorted({j for p in others for j in ring.joints(p)})
+    # Powers of units that a form is multiplied by, less one: they are zero at no configuration.
+    for _ in range(3):
+        if (found := _solved(ring, form, others)) is not None:
+            return found
+        for j in joints:
+            form = form * ring.unit[j]
+    return None
+
+
+def _solved(ring: Ring, form: Poly, others: Sequence[Poly]) -> list[Poly] | None:
+    terms = [(k, m) for k, p in enumerate(others) for m in _monomials(ring, form, p)]
+    # Unknown coefficients beyond which nothing is solved.
+    if not terms or len(terms) > 600:
+        return None
+    columns = [(others[k] * m).to_dict() for k, m in terms]
+    target = form.to_dict()
+    rows = {m: i for i, m in enumerate(sorted({*target, *itertools.chain(*columns)}))}
+    matrix = fmpq_mat(len(rows), len(columns) + 1)
+    for at, column in enumerate([*columns, target]):
+        for m, c in column.items():
+            matrix[rows[m], at] = c
+    ring.spend(matrix.nrows() * matrix.ncols())
+    reduced, rank = matrix.rref()
+    found = [ring.zero for _ in others]
+    for i in range(rank):
+        lead = next(at for at in range(len(columns) + 1) if reduced[i, at] != 0)
+        if lead == len(columns):
+            return None
+        k, m = terms[lead]
+        found[k] += reduced[i, len(columns)] * m
+    return found
+
+
+def _monomials(ring: Ring, form: Poly, p: Poly) -> Iterator[Poly]:
+    """Return what a form of the degree of ``form`` over ``p`` may consist of."""
+    parts = []
+    for j, (x, y) in enumerate(ring.pairs):
+        if (left := ring.degree(form, j) - ring.degree(p, j)) < 0:
+            return
+        parts.append([x ** (left - e) * y**e for e in range(left + 1)])
+    for factors in itertools.product(*parts):
+        yield math.prod(factors, start=ring.one)
+
 
 Sum = list[list[Any]]
 """Terms: a polynomial as text, and the number of the form of a family that it is times."""
@@ -214,11 +266,16 @@ def soundness(draft: Draft, family: Place, codimension: int) -> Soundness:
                 found.pivot = pivot
                 return found
     multiples, totals = _Minors(draft, family, minors).sums()
-    place = (family.values, [*family.relations, *totals])
     for minor in minors.values():
         draft.require_time()
-        if not draft.ring.vanishes(minor, place):
+        place = (family.values, [*family.relations, *totals])
+        if draft.ring.vanishes(minor, place):
+            continue
+        combined = combination(draft.ring, draft.ring.stripped(minor)[0], family.relations)
+        if combined is None:
             raise NotFound(f"{place_text(family)} is not shown to be singular")
+        multiples.append(sum_of(len(family.values), dict(enumerate(combined))))
+        totals += draft.ring.stripped(minor)
     return Soundness(multiples=multiples)
 
 
