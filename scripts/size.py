@@ -10,8 +10,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (37_507, 30_000),
-    "Python in src: lines": (71_630, 56_000),
+    "Python in src: statements": (37_514, 30_000),
+    "Python in src: lines": (71_640, 56_000),
     "C++, JavaScript, templates, styles: lines": (12_274, 9_500),
     "modules": (206, 220),
     "packages directly under pinsing": (16, 16),

@@ -421,16 +421,26 @@ def _rows(index: Ints, e: int, s: Array, h: Array, kind: int) -> Array:
 
 
 def _simple(f: TrigSum, e: int, pieces: Array, index: Ints, s: Array, h: Array) -> Array:
-    """Zeros on intervals on which the equation is monotone, by halving them."""
+    """Zeros on intervals on which the equation is monotone, by chords that keep the zero between.
+
+    An end that stays counts half of its value then (M. Dowell, P. Jarratt, 1971).
+    """
     low, high = s - h, s + h
-    first = f.at(place(pieces, index, low)).value < 0
-    change = first != (f.at(place(pieces, index, high)).value < 0)
-    index, low, high, first = index[change], low[change], high[change], first[change]
+    ends = [f.at(place(pieces, index, x)).value for x in (low, high)]
+    change = (ends[0] < 0) != (ends[1] < 0)
+    index, before, at = index[change], low[change], high[change]
+    value, other = ends[1][change], ends[0][change]
     for _ in range(60):
-        middle = (low + high) / 2
-        before = (f.at(place(pieces, index, middle)).value < 0) == first
-        low, high = np.where(before, middle, low), np.where(before, high, middle)
-    return _rows(index, e, (low + high) / 2, np.zeros(len(low)), SIMPLE)
+        flat = value == other
+        step = np.where(flat, 0.0, value) * (at - before) / np.where(flat, 1.0, value - other)
+        at, last = at - step, at
+        found = f.at(place(pieces, index, at))
+        turned = (found.value < 0) != (value < 0)
+        before, other = np.where(turned, last, before), np.where(turned, value, other / 2)
+        value = found.value
+        if ((np.abs(step) <= 1e-16) | (np.abs(value) <= found.error)).all():
+            break
+    return _rows(index, e, at, np.zeros(len(at)), SIMPLE)
 
 
 def _expand(f: TrigSum, pieces: Array, s: Array, h: Array) -> tuple[Array, Array, Array, Array]:
