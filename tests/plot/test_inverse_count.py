@@ -59,6 +59,16 @@ def test_what_only_rounding_crosses_is_no_node(rows, nodes):
         assert np.sort(places[:, 1]) == pytest.approx([-math.sqrt(1 / 8), math.sqrt(1 / 8)])
 
 
+def test_counts_are_right_where_joints_end_and_beside_the_first_axis():
+    elbow = dh_arm([(90, 0, 0.4), (0, 0.5, 0), (0, 0.4, 0)], "position")
+    assert set(np.unique(reach_of(elbow, 133, False).count)) == {0, 4}
+    arm = orthogonal(1, 2, 1.5, 1)
+    found = reach_of(arm, 21, True)
+    row = [len(pinsing.inverse(arm, [r, 0, 0])) for r in found.r]  # z is 0 where joint 2 ends
+    assert found.z[10] == pytest.approx(0, abs=1e-12)
+    assert found.count[10].tolist() == row
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("slides", [False, True])
 def test_counts_are_those_of_the_inverse_solutions(slides):

@@ -1003,15 +1003,22 @@ def _onto(section: Section, x: Array) -> Array:
 def count_of(section: Section, joints: Sequence[Array], height: Array, r: Array, z: Array) -> Ints:
     """Return the number of solutions in two joints for each (r, z), (N, M), on lines of equal z.
 
-    ``height`` (K, L) has z on a grid of ``joints``, linear between: wrong only within some 1e-5 of
+    ``height`` (K, L) has z on a grid of ``joints``, linear between: wrong only within some 1e-4 of
     the size from where the count changes.
     """
-    lines = Figure().add_subplot().contour(*joints, height.T, levels=z).allsegs
+    # Where z is the same along a side of the grid, as where a turn ends, a line is above it.
+    lines = Figure().add_subplot().contour(*joints, height.T, levels=z + 1e-6 * (z[1] - z[0]))
     passed = np.zeros((len(z), len(r) + 1), dtype=np.int64)
-    for row, some in zip(passed, lines, strict=True):
+    for row, some in zip(passed, lines.allsegs, strict=True):
         for line in some:
-            # From one point of a line to the next r is passed once, up or down.
-            ends = np.searchsorted(r, section.place(np.asarray(line))[:, 0])
+            # Between two points of a line is the one nearest to the first axis, where r turns back.
+            tip = section.on(np.asarray(line))[:, :2]
+            step = np.diff(tip, axis=0)
+            share = -(tip[:-1] * step).sum(axis=1) / np.maximum((step * step).sum(axis=1), 1e-300)
+            nearest = tip[:-1] + np.clip(share, 0, 1)[:, None] * step
+            way = np.stack([tip, np.concatenate([nearest, tip[-1:]])], axis=1).reshape(-1, 2)
+            # From one point to the next each r between is passed once, up or down.
+            ends = np.searchsorted(r, np.hypot(*way.T))
             np.add.at(row, np.minimum(ends[:-1], ends[1:]), 1)
             np.add.at(row, np.maximum(ends[:-1], ends[1:]), -1)
     count = np.cumsum(passed, axis=1)[:, :-1]
