@@ -222,6 +222,16 @@ def test_twists_of_fifteen_degrees_are_exact(make_model, rng, degrees, digits):
     check(arm, exact, draw(arm, rng, 30))
 
 
+def test_the_largest_angle_that_was_moved_is_told(make_model):
+    turns = (pin.utils.rotate(axis, x) for axis, x in (("z", 1.1e-3), ("x", 0.9), ("z", 1.4e-9)))
+    joints = [
+        (pin.JointModelRZ(), place((0, 0, 0.4))),
+        (pin.JointModelRZ(), place((0.3, 0, 0.1), np.linalg.multi_dot(list(turns)))),
+    ]
+    moved = Deviation.of(nominal(load(make_model(joints, place((0.2, 0, 0))), tip="tip")).snaps)
+    assert moved.angle == pytest.approx(1.1e-3, rel=1e-3)
+
+
 @pytest.mark.parametrize("axis", [(1, 0, 0), (0, -1, 0), (0, 0, -1), (-1, 0, 0), (0, 1, 0)])
 def test_axes_along_coordinates_stay_exact(make_model, rng, axis):
     axis = np.array(axis, dtype=float)

@@ -449,10 +449,13 @@ class ExactPlacements:
         return nominal_angle
 
     def _exact_rotation(self, i: int, R: Array) -> Matrix:
-        """Rz(a) Rx(alpha) Rz(b) near R, in exact numbers; a and b are zero where none is needed."""
-        tilted = self._tilted(R)
+        """Rz(a) Rx(alpha) Rz(b) near R, in exact numbers; b is that of the tip alone."""
+        # After both passes R = Rx(alpha), but for the first, which has no joint before it.
+        at_tip = i == self.raw.n
+        tilted = at_tip and self._tilted(R)
         first = math.atan2(R[0, 2], -R[1, 2]) if tilted else _yaw(R)
         tilt = math.atan2(math.hypot(R[0, 2], R[1, 2]), R[2, 2])
+        tilt = tilt if at_tip else math.copysign(tilt, R[2, 1])
         last = math.atan2(R[2, 0], R[2, 1]) if tilted else 0.0
         (ca, sa), (c, s), (cb, sb) = (self._circle(i, angle) for angle in (first, tilt, last))
         return (
