@@ -287,7 +287,7 @@ class Point:
     @property
     def h(self) -> Exacts:
         """The number h as a function of q3."""
-        return np.asarray(self.square + 2 * self.tau[2] * self.height)
+        return np.asarray(self.square + self.height * (2 * self.tau[2]))
 
     def mirror(self) -> Exacts | None:
         """Return the direction (cos, sin) of the q3 about which P is even, ``(c, 1)`` for a slide.
@@ -305,8 +305,9 @@ class Point:
         h0 = self.constant @ self.constant + self.cosine @ self.cosine
         h0 = h0 + 2 * self.tau[2] * self.constant[2]
         over = 1 + ez * ez / (self.e[:2] @ self.e[:2])
-        first = [h, ez * m, h0 * h / (2 * a2) - n + 2 * over * self.constant[2] * m]
-        second = _squared(h) / (8 * a2) + over * _squared(m) / 2
+        # Arrays come first: numbers with square roots take none as the other factor.
+        first = [h, m * ez, h * (h0 / (2 * a2)) - n + m * (2 * over * self.constant[2])]
+        second = _squared(h) / (8 * a2) + _squared(m) * (over / 2)
         given = next((p for p in first if p.any()), None)
         if given is None or any(_cross(given, p) != 0 for p in first):
             return None
