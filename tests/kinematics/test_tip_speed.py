@@ -62,5 +62,7 @@ def test_at_a_singularity_some_direction_is_lost():
     assert state.tip_speeds.share == np.inf
     assert "wrist_3_joint" in state.tip_speeds.share_joints
     assert pinsing.State.from_json(state.to_json()).tip_speeds.share == np.inf
+    all_of_them = pinsing.load("planar3r", task="vx")
+    assert tip_speeds(all_of_them, np.zeros(3), joint_speeds=np.ones(3)).linear == 0
     near = str(pinsing.at(arm, [0, -1.5, 1.5, 0, 1e-3, 0]))
     assert re.search(r"at most \d+,\d+ % of the limit", " ".join(near.split()))

@@ -145,6 +145,14 @@ def test_what_is_shown_is_what_python_shows(name: str, tmp_path: Path) -> None:
         assert mine["on"] == (value <= 1e-7)
 
 
+@needs_node
+def test_a_tip_that_cannot_move_has_no_speed() -> None:
+    data, _ = engine(load("planar3r", task="vx"))
+    data["speeds"] = {"basis": [[1]], "linear": [True], "limits": [1, 1, 1], "asked": [0.2, 0.5]}
+    found = run("(m, data) => m.frameAt(data, [0, 0, 0]).speeds", data)
+    assert found["linear"]["speed"] == 0
+
+
 def nearest(entries: Sequence[Entry], q: Floats) -> float:
     """Distance of the nearest family that the arm can reach."""
     reached = [e.family for e in entries if e.reachable is not False]

@@ -156,9 +156,11 @@ class SpeedJudge:
         # Where the rank is lower, the lost directions are normals with h = 0.
         U, sigma, _ = np.linalg.svd(A)
         r = int((sigma > SINGULAR_RTOL * sigma[0]).sum())
-        chosen = np.array(list(itertools.combinations(range(A.shape[1]), r - 1)), dtype=int)
-        columns = np.moveaxis((U[:, :r].T @ A)[:, chosen], 0, 1)  # (F, r, r - 1)
-        y = np.concatenate([np.linalg.svd(columns)[0][..., -1] @ U[:, :r].T, U[:, r:].T])
+        y = U[:, r:].T
+        if r:
+            chosen = np.array(list(itertools.combinations(range(A.shape[1]), r - 1)), dtype=int)
+            columns = np.moveaxis((U[:, :r].T @ A)[:, chosen], 0, 1)  # (F, r, r - 1)
+            y = np.concatenate([np.linalg.svd(columns)[0][..., -1] @ U[:, :r].T, y])
         y[np.abs(y) < SINGULAR_RTOL] = 0.0
         through = np.abs(y @ A)
         through[through < SINGULAR_RTOL * sigma[0]] = 0.0

@@ -29,8 +29,8 @@ export const identity = (n) => Array.from({ length: n }, (_, i) => Array.from({ 
 
 // All choices of so many of some items.
 export function* combinations(items, size, from = 0) {
-  if (size === 0) { yield []; return; }
-  for (let i = from; i <= items.length - size; i++) {
+  if (size === 0) yield [];
+  for (let i = from; size > 0 && i <= items.length - size; i++) {
     for (const rest of combinations(items, size - 1, i + 1)) yield [items[i], ...rest];
   }
 }
