@@ -50,7 +50,7 @@ struct Walk {
     double floor, good, stationary, no_minimum, longest, most_damping, stretch;
 };
 
-// Tip motions and the joint speeds they may take: see pinsing/kinematics/speed_bounds.py.
+// Tip motions and the joint speeds they may take: see pinsing/proximity/zones.py.
 struct SpeedTask {
     int n, k, m;           // joints; columns of Jacobians, those of turns without a limit last; rows
     const double* rows;    // (m, 6)

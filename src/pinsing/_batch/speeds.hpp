@@ -1,5 +1,5 @@
 // Joint speeds that tip motions take in boxes of configurations, one box in each lane: the bounds of
-// pinsing/kinematics/speed_bounds.py, which says what they rest on and what the letters are. One
+// pinsing/proximity/zones.py, which says what they rest on and what the letters are. One
 // machine vector at a time, so that what belongs to a box stays in the first caches.
 constexpr double kSpeedRounding = 1.0e-12;
 constexpr double kLeastWeight = 0.3;  // of a share, by which joints weigh in the next right inverse
