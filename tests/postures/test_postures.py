@@ -14,7 +14,7 @@ from pinsing.algebra.equation import Equation
 from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
 from pinsing.kinematics.inverse import one_sheet, regular_way
 from pinsing.kinematics.jacobian import tip_placement
-from pinsing.postures.boxes import Ground, on_boxes, slope, sum_of
+from pinsing.postures.boxes import Ground, Leaves, on_boxes, slope, sum_of
 from pinsing.postures.joint_map import Divided, Wheel, partition, subdivide
 from pinsing.proximity.clearance import watch
 
@@ -89,6 +89,13 @@ class TestSubdivision:
         found = subdivide(self.box(e, [-1.0, -1.0], [1.1, 1.2]), Budget(0.3))
         assert not found.proven
         assert found.lower <= 4
+
+    def test_small_boxes_of_many_joints_are_told_apart(self):
+        index = np.array([[0, 0, 0, 0], [0, 0, 0, 2**17 - 2]])  # one integer of them overflows
+        level = np.full(2, 14)
+        leaves = Leaves(level, index, np.zeros((2, 1, 1), int), np.ones(2, bool))
+        assert leaves.find(level, index).tolist() == [0, 1]
+        assert leaves.find(level[:1], np.array([[2**13, 0, 0, 0]])).tolist() == [-1]
 
     def test_bounds_hold(self):
         """Value and slope on random boxes are within what is said of them; lengths, too."""

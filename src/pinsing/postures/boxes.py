@@ -30,7 +30,7 @@ import numpy as np
 
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.trig_sum import TrigSum
-from pinsing.measures import Array, Bool, Ints
+from pinsing.measures import Array, Bool, Ints, NDArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +152,7 @@ class Leaves:
     regular: Bool  # (N,): whether certain or regular on every layer
 
     @cached_property
-    def _order(self) -> dict[int, tuple[Ints, Ints]]:
+    def _order(self) -> dict[int, tuple[NDArray[np.bytes_], Ints]]:
         """Keys of the boxes of each level in order, and which boxes these are."""
         out = {}
         for k in np.unique(self.level):
@@ -162,15 +162,9 @@ class Leaves:
             out[int(k)] = keys[order], rows[order]
         return out
 
-    @cached_property
-    def _widest(self) -> int:
-        return int(self.index.max()) + 2
-
-    def _key(self, index: Ints) -> Ints:
-        out = np.zeros(len(index), dtype=np.int64)
-        for j in range(index.shape[1]):
-            out = out * self._widest + np.minimum(index[:, j], self._widest - 1)
-        return out
+    def _key(self, index: Ints) -> NDArray[np.bytes_]:
+        # Bytes, which have the order of the numbers: one integer has no room for many joints.
+        return np.ascontiguousarray(index, ">u4").view(f"S{4 * index.shape[1]}").ravel()
 
     def find(self, level: Ints, index: Ints) -> Ints:
         """Return which boxes have these levels and places; -1 for none."""
