@@ -364,6 +364,14 @@ def test_paths_lead_into_singularities_and_along_them(name: str) -> None:
     assert played >= (3 if len(mechanism.inputs) > 1 else 0)
 
 
+@needs_node
+def test_of_type_3_there_is_no_way_along():
+    mechanism = shipped("five_bar")
+    point = {"q": home(mechanism).tolist(), "kind": "type 3", "moving": 0}
+    given = {"data": data_of(mechanism), "point": point}
+    assert run("(m, {data, point}) => m.mechanismAlong(data, point)", given) == []
+
+
 @pytest.mark.slow
 @needs_node
 @pytest.mark.parametrize("name", tiered(EVERY, FEW[1:]))

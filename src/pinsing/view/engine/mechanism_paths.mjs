@@ -22,10 +22,10 @@ export function mechanismInto(data, point) {
 }
 
 // Singular configurations, there and back on the locus of a point: another input swings, the one along
-// which the pose was found is solved for; [] where the locus cannot be followed.
+// which the pose was found is solved for; [] where the locus cannot be followed. Type 3 is two conditions.
 export function mechanismAlong(data, point) {
   const moving = Math.max(point.moving, 0), held = data.actuated.filter((_, k) => k !== moving);
-  for (const joint of point.converged === false ? [] : held) {
+  for (const joint of point.converged === false || point.kind === "type 3" ? [] : held) {
     let path = [point.q];
     for (const sign of [1, -1]) {
       const way = followed(data, point, joint, sign, held);
