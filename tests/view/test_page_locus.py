@@ -54,6 +54,15 @@ def test_every_end_of_the_curve_is_singular(robot: str, name: str) -> None:
             assert np.linalg.norm(ends - [across[k], v], axis=1).min() < 0.12
 
 
+@needs_node
+def test_a_curve_through_points_of_the_grid_passes_through_them() -> None:
+    equation = {"amplitude": [1, -1], "phase": [0, 0], "rate": [[1, 0], [0, 1]], "power": None}
+    equation |= {"noise": 0, "reach": 1, "curvature": 1, "size": 2}
+    given = "(m, e) => m.locus(e, [0, 0], 0, 1, [-3, 3], [-3, 3])"
+    ends = np.array(run(given, equation)).reshape(-1, 2)
+    assert np.abs(np.ptp(np.cos(ends), axis=1)).max() < 1e-4
+
+
 @pytest.mark.slow
 def test_the_page_has_the_statement_of_a_long_equation() -> None:
     arm = load("panda")

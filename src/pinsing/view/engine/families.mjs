@@ -193,7 +193,7 @@ function bisect(f, a, b, fa, steps = 60) {
   for (let k = 0; k < steps; k++) {
     const m = (a + b) / 2, fm = f(m);
     if (fm === 0) return m;
-    if (fa * fm < 0) b = m;
+    if (fa < 0 !== fm < 0) b = m;
     else { a = m; fa = fm; }
   }
   return (a + b) / 2;
