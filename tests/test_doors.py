@@ -213,6 +213,22 @@ def test_mimic_joints_follow_in_the_whole_model_too(write_urdf):
     assert caught.value.joint == "j2"
 
 
+@pytest.mark.parametrize("where", ["sweep", "map", "special"])
+def test_errors_about_limits_have_joint_value_and_limits(where):
+    arm = pinsing.load("puma560")
+    q = np.zeros(6)
+    q[1] = -1.5
+    asked = {
+        "sweep": lambda: pinsing.sampling.plan_sweep(arm, nominal=q),
+        "map": lambda: pinsing.sampling.plan_map(arm, q=q, joints=[arm.joints[0]]),
+        "special": lambda: pinsing.sampling.plan_sweep(arm, special={arm.joints[1]: [-1.5]}),
+    }
+    with pytest.raises(ConfigurationError) as caught:
+        asked[where]()
+    assert (caught.value.joint, caught.value.value) == (arm.joints[1], pytest.approx(-1.5))
+    assert caught.value.limits == (arm.lower[1], arm.upper[1])
+
+
 def test_errors_carry_data(write_urdf, tmp_path):
     arm = pinsing.load("ur5")
     with pytest.raises(ConfigurationError) as caught:

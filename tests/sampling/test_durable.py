@@ -236,6 +236,13 @@ def alive(pid: int) -> bool:
     return state != "Z"
 
 
+def test_what_only_one_of_two_runs_has_is_named(tmp_path: Path) -> None:
+    with open_run(tmp_path, IDENTITY, 3):
+        pass
+    with pytest.raises(OutputError, match="x is null there and 1 here"):
+        open_run(tmp_path, IDENTITY | {"x": 1}, 3).__enter__()
+
+
 # ---- what a map and a sweep keep
 
 
