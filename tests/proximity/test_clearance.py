@@ -9,7 +9,13 @@ from singular_sets import RIGHT, Joint, build, closed
 
 import pinsing
 from pinsing._batch import engine
-from pinsing.algebra.conditions import Conditions, SearchOptions, nearest_points, two_sided
+from pinsing.algebra.conditions import (
+    Conditions,
+    JointValue,
+    SearchOptions,
+    nearest_points,
+    two_sided,
+)
 from pinsing.algebra.equation import Equation
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
 from pinsing.families import Branch, Family
@@ -108,6 +114,19 @@ def test_limits_of_several_turns_and_none(compiled: bool) -> None:
             true = np.abs(values * np.pi - turn).min()
             assert found.upper[0] == pytest.approx(true, rel=1e-12, abs=1e-12)
             assert found.lower[0] <= true * (1 + 1e-15)
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_points_beyond_where_a_slide_is_looked_at_count(compiled: bool) -> None:
+    """A slide without limits is looked at as far as 100; a point known farther off changes that."""
+    turns, powers = [[0, 0, 0], [0, 0, 0], [2, 0, 0]], [[0, 1, 0], [0, 0, 0], [0, 0, 0]]
+    sizes = np.array([1, -0.15, 0.001])  # q2 = 0.15 - 0.001 cos q1
+    e = Equation(("a", "b", "c"), np.array(turns), np.array(powers), sizes, 0 * sizes, np.zeros(3))
+    families = [[Branch((), (e,))], [Branch((JointValue(2, 2.0, True),), ())]]
+    slides, weight = np.array([False, True, False]), np.array([100.0, 1000.0, 100.0])
+    made, free = Conditions.of(families, slides, weight), np.full(3, np.inf)
+    found = nearest_points(made, np.zeros((1, 3)), -free, free, SearchOptions(), compiled=compiled)
+    assert found.lower[0] <= 149 <= found.upper[0]
 
 
 def test_a_family_at_the_joint_limit_is_as_near_within_limits_as_its_points() -> None:

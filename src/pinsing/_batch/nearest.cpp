@@ -55,6 +55,8 @@ public:
             split(*parent.part, parent);
         }
         if (!heap_.empty()) best_.lower = std::min(best_.lower, heap_.top().first);
+        for (auto& part : parts)  // what was left out is no nearer than the best point, but for rounding
+            best_.lower = std::min(best_.lower, whole(*part, std::max(known(*part), 0.0)));
         boxes_.clear(), places_.clear(), heap_ = {};
         best_.lower = std::min(best_.lower, best_.upper);
         return best_;
@@ -193,7 +195,6 @@ private:
         for (int j = 0; j < part.branch.d(); j++)
             point[static_cast<std::size_t>(part.branch.joints[j])] = at[j];
         found(part.b, joined(part.fixed, proven, c_.largest) * (1.0 + 1e-15), point.data());
-        best_.lower = std::min(best_.lower, whole(part, proven));
         return true;
     }
 
@@ -223,10 +224,7 @@ private:
 
     void add_first(Part& part) {
         const double most = known(part);
-        if (most < 0.0) {  // its values are farther than the best point
-            best_.lower = std::min(best_.lower, part.least);
-            return;
-        }
+        if (most < 0.0) return;  // its values are farther than the best point
         Box box;
         for (int j = 0; j < part.branch.d(); j++) {
             double from = part.lo[j], to = part.hi[j];
@@ -238,7 +236,7 @@ private:
             box.c[j] = 0.5 * (from + to);
             box.h[j] = 0.5 * (to - from) * (1.0 + 1e-15) + 2.3e-16 * (std::fabs(from) + std::fabs(to));
         }
-        if (most == kInfinity && part.cut)
+        if (part.cut && most > o_.far)  // points count that are not looked at
             best_.lower = std::min(best_.lower, whole(part, o_.far));
         if (part.bound.look(part.q, 0.0, most, box)) add(part, box);
     }

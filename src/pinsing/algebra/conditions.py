@@ -840,8 +840,6 @@ class _Boxes:
         """Halve boxes, the nearest first, until the bounds are within the gap; return how many."""
         looked = 0
         self._attempt(np.clip(self.x, self.low, self.high)[None])
-        if np.isfinite(self.best):
-            self.beyond = np.inf
         low = np.maximum(self.low, np.where(self.used, self.x - self.best, self.x))
         high = np.minimum(self.high, np.where(self.used, self.x + self.best, self.x))
         centers, halves = ((low + high) / 2)[None], ((high - low) / 2 * (1 + 1e-15))[None]
