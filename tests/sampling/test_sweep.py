@@ -59,6 +59,15 @@ def test_stanford_as_in_the_paper(stanford):
     }
 
 
+def test_all_joints_at_each_special_value(stanford):
+    """Step (2): singular at 0 and pi, sigma_min = 0.209 at pi/2 as the paper has it."""
+    rows = {round(row.value / PI, 6): row for row in stanford.uniform}
+    assert set(rows) == {0.0, 0.5, -0.5, 1.0}
+    assert rows[0.5].sigma_min == pytest.approx(0.209, abs=1e-4)
+    assert rows[0.5].status == "regular"
+    assert rows[0.0].status == rows[1.0].status == "singular"
+
+
 def test_surgical_arm_minimal_sets(surgical):
     """q4 in {0, pi}; {q2, q3} in {0, pi}^2; and none that is not minimal."""
     assert surgical.plan.nominal_sigma[-1] == pytest.approx(0.061141, abs=1e-6)

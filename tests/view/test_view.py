@@ -31,7 +31,7 @@ from pinsing.sampling.analyze import analyze
 from pinsing.view import Viewer, scene
 from pinsing.view.server import is_loopback
 from pinsing.view.trajectory import dropped
-from pinsing.view.viewer import finding_entries
+from pinsing.view.viewer import family_entries, finding_entries
 
 
 def commands(recorder: scene.Recorder) -> list[dict[str, Any]]:
@@ -168,6 +168,16 @@ def test_show_and_show_family():
     for scale in (0.0, -1.0, np.nan):
         with pytest.raises(OptionError):
             Viewer(textbook("scara"), scale=scale)
+
+
+def test_poses_are_on_their_family_inside_the_limits_and_the_same_every_time() -> None:
+    arm = textbook("stanford")
+    one, two = (family_entries(arm, closed_form(arm).families) for _ in range(2))
+    assert any(entry.poses for entry in one)
+    for entry, twin in zip(one, two, strict=True):
+        np.testing.assert_array_equal(entry.poses, twin.poses)
+        assert entry.family.contains(entry.poses).all()
+        assert arm.within_limits(entry.poses).all()
 
 
 def test_the_static_page_is_whole_and_escapes_names() -> None:
