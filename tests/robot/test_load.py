@@ -182,6 +182,17 @@ def test_no_limits_and_no_width(make_model):
     assert (arm.joints, arm.model.frames[arm.tip_id].parentJoint) == (("j1", "j2"), 2)
 
 
+def test_models_without_frames_of_joints():
+    limits, (one, two) = [np.ones(1)] * 2, (-np.ones(1), np.ones(1))
+    model = pin.Model()
+    for parent, name in ((0, "a"), (1, "b"), (0, "side")):
+        joint = model.addJoint(parent, pin.JointModelRZ(), STEP, name, *limits, one, two)
+        model.addFrame(pin.Frame(f"on {name}", joint, 0, STEP, pin.FrameType.BODY), False)
+    arm = load(model, tip="on b")
+    assert (arm.joints, arm.model.nframes) == (("a", "b"), 7)
+    assert not any(frame.parentFrame for frame in arm.model.frames if frame.name != "side")
+
+
 def test_degrees_and_millimetres_of_a_file_are_doubted(make_model):
     def said(length: float, high: float) -> str:
         step = pin.SE3(np.eye(3), np.array([length, 0.0, 0.0]))

@@ -49,6 +49,7 @@ _HAND = re.compile(
 )
 _FINGER = re.compile(r"finger|thumb|knuckle|jaw", re.IGNORECASE)
 _LINK_KINDS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
+_JOINT = pin.FrameType.JOINT
 ARM_JOINTS = 4
 """A chain of this many joints or more counts as an arm when there are several chains."""
 
@@ -603,17 +604,24 @@ def lock_joints(
     """Return a model and its geometry without joints to lock, which are as in ``reference`` (nq,).
 
     Pinocchio's ``buildReducedModel`` finds a joint's frame by name alone: so each joint gets a
-    frame, and meanwhile frames have numbers for names.
+    frame before all others, and meanwhile frames have numbers for names.
     """
     model = model.copy()
     if not lock:
         return model, geometry
-    for joint in range(1, model.njoints):
-        if not model.existFrame(model.names[joint], pin.FrameType.JOINT):
-            model.addJointFrame(joint, 0)
+    names = list(model.names)
+    missing = [j for j in range(1, len(names)) if not model.existFrame(names[j], _JOINT)]
+    for joint in missing:
+        model.addJointFrame(joint, 0)
+    if missing:
+        others = [pin.Frame(frame) for frame in list(model.frames)[1:]]
+        others.sort(key=lambda frame: frame.type != _JOINT)  # stable
+        for number, frame in enumerate(others, 1):
+            frame.parentFrame = 0  # the numbers have changed, and nothing here needs them
+            model.frames[number] = frame
     names = [frame.name for frame in model.frames]
-    for number, frame in enumerate(model.frames):
-        own = frame.type == pin.FrameType.JOINT and frame.name == model.names[frame.parentJoint]
+    for number, frame in enumerate(list(model.frames)[1:], 1):
+        own = frame.type == _JOINT and frame.name == model.names[frame.parentJoint]
         if own:
             model.names[frame.parentJoint] = f"{number}"
         frame.name = f"{number}"
