@@ -222,8 +222,9 @@ def test_twists_of_fifteen_degrees_are_exact(make_model, rng, degrees, digits):
     check(arm, exact, draw(arm, rng, 30))
 
 
-def test_the_largest_angle_that_was_moved_is_told(make_model):
-    turns = (pin.utils.rotate(axis, x) for axis, x in (("z", 1.1e-3), ("x", 0.9), ("z", 1.4e-9)))
+@pytest.mark.parametrize(("tilt", "last"), [(0.9, 1.4e-9), (math.pi / 4 + 1e-6, 0.0)])
+def test_the_largest_angle_that_was_moved_is_told(make_model, tilt, last):
+    turns = (pin.utils.rotate(axis, x) for axis, x in (("z", 1.1e-3), ("x", tilt), ("z", last)))
     joints = [
         (pin.JointModelRZ(), place((0, 0, 0.4))),
         (pin.JointModelRZ(), place((0.3, 0, 0.1), np.linalg.multi_dot(list(turns)))),

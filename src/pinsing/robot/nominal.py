@@ -427,13 +427,15 @@ class ExactPlacements:
         if angle > self.angle_tol:
             return None
         if angle > FLOAT_NOISE:
-            self._replace_snap(Snap(self.places[i], "angle", angle, 0.0))
+            self._note_snap(Snap(self.places[i], "angle", angle, 0.0))
         a, b, c = ((Fraction(x), Fraction(y), Fraction(z)) for x, y, z in P.astype(int).tolist())
         return a, b, c
 
-    def _replace_snap(self, snap: Snap) -> None:
-        self.snaps = [s for s in self.snaps if (s.where, s.what) != (snap.where, snap.what)]
-        self.snaps.append(snap)
+    def _note_snap(self, snap: Snap) -> None:
+        """Keep of each placement the number that moved farthest."""
+        same = [s for s in self.snaps if (s.where, s.what) == (snap.where, snap.what)]
+        self.snaps = [s for s in self.snaps if s not in same]
+        self.snaps.append(max([snap, *same], key=lambda s: abs(s.raw - s.nominal)))
 
     def _snap_angle(self, i: int, angle: float) -> float:
         """Put ``angle`` on a multiple of 90 degrees, or (a hundred times closer) of 15 degrees."""
@@ -445,7 +447,7 @@ class ExactPlacements:
         elif abs(angle - fine) <= self.fine_tol:
             nominal_angle = fine
         if abs(nominal_angle - angle) > FLOAT_NOISE:
-            self._replace_snap(Snap(self.places[i], "angle", angle, nominal_angle))
+            self._note_snap(Snap(self.places[i], "angle", angle, nominal_angle))
         return nominal_angle
 
     def _exact_rotation(self, i: int, R: Array) -> Matrix:
