@@ -77,13 +77,12 @@ def all_chains(
     # ones.
     from pinsing.robot import models as chains
 
-    tools = {c.last: c.tip for c in chains.candidates(model, mimics)}
-    children = chains._children(model)
-    leaves = {j for j in range(1, model.njoints) if not children[j]}
+    tools = {c.path[-1]: c.tip for c in chains.candidates(model, mimics)}
+    leaves = {j for j in range(1, model.njoints) if not len(model.children[j])}
     found = []
     for end in sorted({*leaves, *tools}):
         tip = tools.get(end) or chains.choose_tip(model, end)
-        starts = chains._branchings(model, children, end)
+        starts = chains.branchings(model, chains.joint_path(model, end))
         if len(chains._moving(model, chains.joint_path(model, end))) <= longest:
             starts = starts[-1:]
         for start in (0, *starts):

@@ -239,7 +239,7 @@ def _choose_tip(
         chosen = choose_tip(model, last)
         return chosen, last, [f"tip {chosen} was chosen on the link of the last joint given"]
     every = candidates(model, whole.mimics)
-    found = [c.beyond(base_joint) for c in every if base_joint in (0, *c.path[:-1])]
+    found = [c.beyond(model, base_joint) for c in every if base_joint in (0, *c.path[:-1])]
     if base_joint and not found:
         tips = ", ".join(f"--tip {quote(c.tip)}" for c in every[:8] if base_joint not in c.path)
         other = f", or name a tip that lies elsewhere: {tips}" if tips else ""
@@ -248,7 +248,7 @@ def _choose_tip(
             tips=tuple(c.tip for c in every if base_joint not in c.path),
         )
     candidate, notes = choose_chain(found, whole.label, model, whole.mimics)
-    return candidate.tip, candidate.last, notes
+    return candidate.tip, candidate.path[-1], notes
 
 
 def _free_joints(

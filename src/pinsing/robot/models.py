@@ -55,95 +55,79 @@ ARM_JOINTS = 4
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """A chain that ends at some last joint."""
+class Subchain:
+    """A chain that can be analysed."""
 
-    last: int  # index in the model
-    path: tuple[int, ...]  # movable joints from the root, or the given base
     tip: str
+    base: str | None  # None: the root
+    joints: tuple[str, ...]  # that turn or slide, base to tip, mimic joints included
     passed_over: tuple[str, ...]  # gripper joints beyond the tip
+    path: tuple[int, ...]  # all its joints by index: with those of a floating base
 
-    def length(self, model: pin.Model) -> int:
-        """Number of its joints that turn or slide: a floating base does not count."""
-        return sum(model.joints[j].nv == 1 for j in self.path)
+    @property
+    def options(self) -> tuple[str, ...]:
+        """Words of the command line that choose it."""
+        return ("--tip", self.tip, *(() if self.base is None else ("--base", self.base)))
 
-    def beyond(self, base: int) -> Candidate:
+    def beyond(self, model: pin.Model, joint: int) -> Subchain:
         """Return the part of it that lies beyond a joint of its path; 0 is the root."""
-        return replace(self, path=self.path[self.path.index(base) + 1 :]) if base else self
+        if not joint:
+            return self
+        path = self.path[self.path.index(joint) + 1 :]
+        return replace(self, base=_link_of(model, joint), joints=_moving(model, path), path=path)
 
 
 def joint_path(model: pin.Model, joint: int, start: int = 0) -> tuple[int, ...]:
     """Return joints after ``start`` up to ``joint``; ChainError if it is not on the way."""
-    path = []
-    while joint not in (0, start):
-        path.append(joint)
-        joint = int(model.parents[joint])
-    ChainError.refuse_if(joint != start, "the base is not between the root and the tip")
-    return tuple(reversed(path))
+    way = list(model.supports[joint])
+    ChainError.refuse_if(start not in way, "the base is not between the root and the tip")
+    return tuple(way[way.index(start) + 1 :])
 
 
-def candidates(model: pin.Model, mimics: Collection[str] = ()) -> list[Candidate]:
+def candidates(model: pin.Model, mimics: Collection[str] = ()) -> list[Subchain]:
     """Return all chains that an arm could be, grippers left to what carries them."""
-    children = _children(model)
-    in_hand = _hand_joints(model, children, mimics)
+    in_hand = _hand_joints(model, mimics)
     if len(in_hand) == model.njoints - 1:  # a hand on its own: its fingers are the chains
         in_hand = set()
-    leaves = [
-        j
-        for j in range(1, model.njoints)
-        if j not in in_hand and all(c in in_hand for c in children[j])
-    ]
     frames: dict[int, list[pin.Frame]] = {}
     for frame in model.frames:
         frames.setdefault(int(frame.parentJoint), []).append(frame)
     found = []
-    for leaf in leaves:
-        beyond = [model.names[j] for j in _below(leaf, children)]
-        path = joint_path(model, leaf)
-        tip = _best_frame(model, leaf, frames.get(leaf, []))
-        found.append(Candidate(leaf, path, tip, tuple(beyond)))
+    for leaf in range(1, model.njoints):
+        if leaf not in in_hand and in_hand.issuperset(model.children[leaf]):
+            path = joint_path(model, leaf)
+            beyond = tuple(model.names[j] for j in sorted(model.subtrees[leaf])[1:])
+            tip = _best_frame(model, leaf, frames.get(leaf, []))
+            found.append(Subchain(tip, None, _moving(model, path), beyond, path))
     return found
 
 
-def _hand_joints(model: pin.Model, children: list[list[int]], mimics: Collection[str]) -> set[int]:
+def _hand_joints(model: pin.Model, mimics: Collection[str]) -> set[int]:
     """Joints that belong to a gripper or hand, with all that hangs on them."""
     bodies: dict[int, str] = {}
     for frame in model.frames:
         if frame.type == pin.FrameType.BODY:
             bodies.setdefault(int(frame.parentJoint), frame.name)
     jaws: set[int] = set()
-    for siblings in children:
+    for siblings in model.children:
         # Several leaves side by side of which one follows: jaws. A lone one is the last joint.
-        leaves = [j for j in siblings if not children[j]]
+        leaves = [j for j in siblings if not len(model.children[j])]
         if len(leaves) > 1 and any(model.names[j] in mimics for j in leaves):
             jaws.update(leaves)
-    depth = _depths(children)
-    rank = [0] * model.njoints
+    rank = [len(way) - 1 for way in model.supports]
     hand: set[int] = set()
     for joint in range(1, model.njoints):
-        name = model.names[joint]
-        parent = int(model.parents[joint])
-        rank[joint] = rank[parent] + 1
-        inherited = parent in hand
         # A link called gripper is often what the last wrist joint carries: links go by fingers.
-        named = bool(_HAND.search(name) or _FINGER.search(bodies.get(joint, "")))
+        named = _HAND.search(model.names[joint]) or _FINGER.search(bodies.get(joint, ""))
         # Something called a hand that no arm carries, and with an arm's worth of joints in a
         # row, is an arm.
-        if inherited or joint in jaws or (named and (rank[joint] > ARM_JOINTS or depth[joint] < 6)):
+        carried = named and (
+            rank[joint] > ARM_JOINTS
+            or max(rank[j] for j in model.subtrees[joint]) < rank[joint] + 5
+        )
+        if int(model.parents[joint]) in hand or joint in jaws or carried:
             hand.add(joint)
     return hand
-
-
-def _below(joint: int, children: list[list[int]]) -> list[int]:
-    return sorted(j for child in children[joint] for j in (child, *_below(child, children)))
-
-
-def _depths(children: list[list[int]]) -> list[int]:
-    """Joints in a row from each one outwards, itself included; parents come before children."""
-    depth = [1] * len(children)
-    for joint in reversed(range(len(children))):
-        depth[joint] = 1 + max((depth[c] for c in children[joint]), default=0)
-    return depth
 
 
 def frame_index(model: pin.Model, name: str) -> int:
@@ -178,41 +162,41 @@ def _best_frame(model: pin.Model, joint: int, frames: list[pin.Frame]) -> str:
 
 
 def choose_chain(
-    found: Sequence[Candidate], label: str, model: pin.Model, mimics: Collection[str] = ()
-) -> tuple[Candidate, list[str]]:
+    found: Sequence[Subchain], label: str, model: pin.Model, mimics: Collection[str] = ()
+) -> tuple[Subchain, list[str]]:
     """Return the only arm among candidates, and notes; ChainError with commands if not one."""
     ChainError.refuse_if(
         not found, f"{label}: the robot has no movable joint, so there is nothing to analyse"
     )
-    arms = [c for c in found if c.length(model) >= ARM_JOINTS] or list(found)
+    arms = [c for c in found if len(c.joints) >= ARM_JOINTS] or list(found)
     if len(arms) > 1:
-        lines = ", ".join(f"--tip {quote(c.tip)} ({c.length(model)} joints)" for c in arms[:8])
-        more = f" and {len(arms) - 8} more" if len(arms) > 8 else ""
+        lines = _first([f"--tip {quote(c.tip)} ({len(c.joints)} joints)" for c in arms], 8)
         raise ChainError(
-            f"{label}: {len(arms)} chains could be the arm; choose one: {lines}{more}; "
+            f"{label}: {len(arms)} chains could be the arm; choose one: {lines}; "
             f"in Python load(..., tip={arms[0].tip!r})",
             tips=tuple(c.tip for c in arms),
-            lengths=tuple(c.length(model) for c in arms),
+            lengths=tuple(len(c.joints) for c in arms),
             chains=arm_chains(model, mimics),
         )
     chosen = arms[0]
     notes = []
-    others = [c for c in found if c is not chosen]
+    others = [f"{c.tip} ({len(c.joints)})" for c in found if c is not chosen]
     if others:
-        names = ", ".join(f"{c.tip} ({c.length(model)})" for c in others[:6])
-        more = f" and {len(others) - 6} more" if len(others) > 6 else ""
-        notes.append(f"chains with fewer joints were passed over: {names}{more}")
+        notes.append(f"chains with fewer joints were passed over: {_first(others, 6)}")
     if chosen.passed_over:
-        beyond = chosen.passed_over
-        more = f" and {len(beyond) - 4} more" if len(beyond) > 4 else ""
-        notes.append(f"locked beyond the tip: {', '.join(beyond[:4])}{more}")
-    same_link = [f.name for f in tip_frames(model, chosen.last) if f.name != chosen.tip]
+        notes.append(f"locked beyond the tip: {_first(chosen.passed_over, 4)}")
+    same_link = [f.name for f in tip_frames(model, chosen.path[-1]) if f.name != chosen.tip]
     if same_link:
         notes.append(
             f"tip {chosen.tip} (on the same link: {', '.join(same_link[:3])}"
             f"{', ...' * (len(same_link) > 3)}): the choice does not affect pose singularities"
         )
     return chosen, notes
+
+
+def _first(words: Sequence[str], most: int) -> str:
+    more = f" and {len(words) - most} more" if len(words) > most else ""
+    return ", ".join(words[:most]) + more
 
 
 LONGEST = 9
@@ -257,51 +241,32 @@ class Way:
 def way_between(model: pin.Model, start: int, end: int) -> Way:
     """The way between the bodies of two joints, given by index; 0 is the root."""
     before, after = joint_path(model, start), joint_path(model, end)
-    shared = 0
-    while shared < min(len(before), len(after)) and before[shared] == after[shared]:
-        shared += 1
+    shared = len({*before} & {*after})
     return Way(before[shared:][::-1], after[shared:], before[:shared])
-
-
-@dataclass(frozen=True)
-class Subchain:
-    """A chain that can be analysed."""
-
-    tip: str
-    base: str | None  # None: the root
-    joints: tuple[str, ...]  # base to tip, mimic joints included
-    passed_over: tuple[str, ...] = ()  # gripper joints beyond the tip
-
-    @property
-    def options(self) -> tuple[str, ...]:
-        """Words of the command line that choose it."""
-        return ("--tip", self.tip, *(() if self.base is None else ("--base", self.base)))
 
 
 def arm_chains(model: pin.Model, mimics: Collection[str] = ()) -> tuple[Subchain, ...]:
     """Return the chains to offer to a user: arms, legs and heads, without fingers."""
     # Each from the root; and without joints shared with others.
-    children = _children(model)
     found: list[Subchain] = []
-    for candidate in candidates(model, mimics):
-        for start in dict.fromkeys([0, *_branchings(model, children, candidate.last)[-1:]]):
-            joints = _moving(model, joint_path(model, candidate.last, start))
-            if start == 0 or len(joints) >= SHORTEST:
-                base = None if start == 0 else _link_of(model, start)
-                found.append(Subchain(candidate.tip, base, joints, candidate.passed_over))
+    for whole in candidates(model, mimics):
+        parts = [whole.beyond(model, joint) for joint in branchings(model, whole.path)[-1:]]
+        found += [whole, *(part for part in parts if len(part.joints) >= SHORTEST)]
     return tuple(found)
 
 
 def long_chain_note(model: pin.Model, end: int, start: int = 0) -> str:
     """Return a note on a chain of more than ``LONGEST`` joints, with shorter ones; else ""."""
-    count = len(_moving(model, joint_path(model, end, start)))
+    path = joint_path(model, end, start)
+    count = len(_moving(model, path))
     if count <= LONGEST:
         return ""
-    shorter = []
-    for joint in _branchings(model, _children(model), end):
-        left = len(_moving(model, joint_path(model, end, joint)))
-        if SHORTEST <= left < count and joint in joint_path(model, end, start):
-            shorter.append(f"--base {_link_of(model, joint)} ({left} joints)")
+    left = {j: len(_moving(model, joint_path(model, end, j))) for j in branchings(model, path)}
+    shorter = [
+        f"--base {_link_of(model, joint)} ({n} joints)"
+        for joint, n in left.items()
+        if SHORTEST <= n < count
+    ]
     offer = f"; without joints shared with other chains: {', '.join(shorter)}" if shorter else ""
     return f"{count} joints are many: the closed forms may not be complete in time{offer}"
 
@@ -351,16 +316,9 @@ def _run(names: Sequence[str]) -> str:
     return ", ".join(names) if len(names) <= 2 else f"{names[0]} ... {names[-1]} ({len(names)})"
 
 
-def _children(model: pin.Model) -> list[list[int]]:
-    children: list[list[int]] = [[] for _ in range(model.njoints)]
-    for joint in range(1, model.njoints):
-        children[model.parents[joint]].append(joint)
-    return children
-
-
-def _branchings(model: pin.Model, children: list[list[int]], end: int) -> list[int]:
-    """Joints on the way to ``end`` that carry more than one joint, root side first."""
-    return [j for j in joint_path(model, end) if j != end and len(children[j]) > 1]
+def branchings(model: pin.Model, path: Sequence[int]) -> list[int]:
+    """Return the joints of a path, but for its last, that carry more than one joint."""
+    return [j for j in path[:-1] if len(model.children[j]) > 1]
 
 
 def _moving(model: pin.Model, path: Sequence[int]) -> tuple[str, ...]:
