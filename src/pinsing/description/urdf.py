@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, cast, get_args
+from typing import Literal, NamedTuple, cast, get_args
 
 from pinsing.description.files import PackageIndex, Shapes, expand_xacro, is_xacro
 from pinsing.description.xml_tree import (
@@ -37,8 +37,7 @@ _FOLLOWED = ("revolute", "continuous", "prismatic")
 _LARGEST_EVER = 1e100
 
 
-@dataclass(frozen=True)
-class Mimic:
+class Mimic(NamedTuple):
     """A joint value that follows another: ``q = multiplier * q_joint + offset``."""
 
     joint: str

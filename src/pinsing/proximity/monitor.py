@@ -57,7 +57,7 @@ from pinsing.proximity.trajectory_file import (
     stated_unit,
 )
 from pinsing.proximity.zones import Zones, zone_distances
-from pinsing.robot.arm import Arm, WholeModel, summarize
+from pinsing.robot.arm import Arm, chain_speeds, summarize
 from pinsing.robot.nominal import nominal
 
 CLEAR, WARN, STOP = LEVELS = ("clear", "warn", "stop")
@@ -375,8 +375,7 @@ class Monitor:
                 array = self._watched.check(array, name)
                 self._shape = (n,)
             elif name == "dq" and (arm := self._watched.arm) is not None:
-                whole = WholeModel(arm.source, arm.joints, arm.tip, arm.coupling)
-                array = whole.chain_dq(array, name)
+                array = chain_speeds(arm, array, name)
             if array.shape != (n,):
                 raise ConfigurationError(
                     f"{name} needs {n} values for {', '.join(self.joints)}; got "

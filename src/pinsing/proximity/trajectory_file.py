@@ -21,7 +21,7 @@ from pinsing.atomic_write import MEBIBYTE
 from pinsing.chunk_file import DamagedError, read_arrays, read_bounded
 from pinsing.errors import ConfigurationError
 from pinsing.measures import Array, NDArray
-from pinsing.robot.arm import Arm, WholeModel
+from pinsing.robot.arm import Arm, held_joints
 
 _UNIT = re.compile(
     r"(?i)[\s_]*[\[(]\s*([^\W\d_][^\[\]()]*?|°)\s*[\])]\s*$"
@@ -762,8 +762,7 @@ class ColumnHeads:
             pairs = zip(arm.joints, self.order, strict=True)
             self.notes += ("columns: " + ", ".join(f"{j} = {words[i]!r:.80}" for j, i in pairs),)
         unknown = [i for i in range(len(words)) if i not in {*self.used, *passed}]
-        whole = WholeModel(arm.source, arm.joints, arm.tip, arm.coupling)
-        self.held = [held for held in whole.held() if held.name in self.others]
+        self.held = [held for held in held_joints(arm) if held.name in self.others]
         beside = [n for n in self.others if n not in {held.name for held in self.held}]
         idle = [i for i in (*passed, *(() if columns else unknown)) if i not in named]
         left = [*beside, *(words[i] or f"column {i + 1}" for i in idle)]

@@ -26,7 +26,7 @@ import pinocchio as pin
 from pinsing._package import Advised
 from pinsing.description.catalog import CatalogEntry, known_arms, locate_robot, urdf_folder
 from pinsing.description.files import Shapes
-from pinsing.description.urdf import Description, parse_description, read_description
+from pinsing.description.urdf import Description, Mimic, parse_description, read_description
 from pinsing.description.xml_tree import has_control
 from pinsing.errors import (
     ArgumentError,
@@ -39,7 +39,14 @@ from pinsing.errors import (
 from pinsing.interface import checked, columns_of, real_numbers
 from pinsing.measures import ALIKE, ROUNDING, Array, ArrayLike, Bool
 from pinsing.prose import html_text, one_line
-from pinsing.robot.models import Coupling as Coupling, frame_index, way_between
+from pinsing.robot.models import (
+    Coupling as Coupling,
+    build_model,
+    frame_index,
+    joint_value,
+    put_values,
+    way_between,
+)
 from pinsing.robot.task import Task, parse_task
 
 
@@ -272,12 +279,7 @@ def model_q(model: pin.Model, values: Array) -> Array:
     if model.nq == model.nv:
         return values
     out = np.empty((*values.shape[:-1], model.nq))
-    for joint in model.joints[1:]:
-        value = values[..., joint.idx_v]
-        if joint.nq == 2:
-            out[..., joint.idx_q], out[..., joint.idx_q + 1] = np.cos(value), np.sin(value)
-        else:
-            out[..., joint.idx_q] = value
+    put_values(model, range(1, model.njoints), values, out)
     return out
 
 
@@ -391,24 +393,31 @@ class HasModel(Protocol):
 
 
 @dataclass(frozen=True)
-class GivenFile:
-    """A robot that was described by text."""
+class Given:
+    """A robot as a user gave it."""
 
-    description: Description
-    label: str  # path or name as given, or "URDF text"
-    path: Path | None  # None for text
-    entry: CatalogEntry | None
+    model: pin.Model  # all of it
+    label: str  # path or name as given, "URDF text" or "pin.Model"
+    name: str  # of its own; may be empty
+    path: Path | None = None  # None for text and models
+    description: Description | None = None
+    entry: CatalogEntry | None = None
+    notes: tuple[str, ...] = ()
+
+    @cached_property
+    def mimics(self) -> dict[str, Mimic]:
+        """Joints that follow others, by name."""
+        joints = () if self.description is None else self.description.joints
+        return {joint.name: joint.mimic for joint in joints if joint.mimic is not None}
 
 
-def given_model(robot: Any) -> pin.Model | None:
+def given_model(robot: Any) -> Given | None:
     """Return a copy of the model that was given, or an object holds; None for text and paths."""
     if isinstance(robot, str | os.PathLike):
         return None
     model = robot if isinstance(robot, pin.Model) else getattr(robot, "model", None)
     if not isinstance(model, pin.Model) or isinstance(robot, type):
-        from pinsing.interface import shown
-
-        raise ArgumentError("robot", _EXPECTED, shown(robot), 'pinsing.load("ur5") loads one')
+        raise _no_robot(robot)
     PinsingError.refuse_if(
         any("Mimic" in j.shortname() for j in model.joints),
         "the model has Pinocchio mimic joints: build it with mimic=False, "
@@ -419,43 +428,43 @@ def given_model(robot: Any) -> pin.Model | None:
             has_control(name),
             f"the model has the name {name[:60]!r} with a control character: rename it",
         )
-    return model.copy()
+    return Given(model.copy(), "pin.Model", model.name)
+
+
+def _no_robot(robot: Any) -> ArgumentError:
+    from pinsing.interface import shown
+
+    return ArgumentError("robot", _EXPECTED, shown(robot), 'pinsing.load("ur5") loads one')
 
 
 def given_file(
     robot: str | os.PathLike[str],
     packages: Mapping[str, str | Path] | None = None,
     xacro_args: Mapping[str, str] | None = None,
-) -> GivenFile:
+) -> Given:
     """Read a robot given by path (.yaml, .yml: a DH table), by name, or as URDF text."""
     if isinstance(robot, str) and robot.lstrip("\ufeff \t\r\n").startswith("<"):
         description = parse_description(robot, packages)
-        return GivenFile(description, "URDF text", None, None)
+        return Given(build_model(description), "URDF text", description.name, None, description)
     if isinstance(robot, str) and not robot.strip():
-        from pinsing.interface import shown
-
-        raise ArgumentError("robot", _EXPECTED, shown(robot), 'pinsing.load("ur5") loads one')
+        raise _no_robot(robot)
     found = locate_robot(robot if isinstance(robot, str) else Path(robot))
     entry = found if isinstance(found, CatalogEntry) else None
     path = found if isinstance(found, Path) else found.path
-    if path.suffix.lower() in (".yaml", ".yml"):
-        return _table(path, os.fspath(robot), xacro_args, entry)
-    if entry is not None:  # what the catalog knows of it; what the user says wins
-        packages = {**entry.packages, **(packages or {})}
-        xacro_args = {**entry.xacro_args, **(xacro_args or {})}
-    description = read_description(path, packages, xacro_args)
-    return GivenFile(description, os.fspath(robot), description.path, entry)
+    if path.suffix.lower() in (".yaml", ".yml"):  # a DH table, by way of a URDF made of it
+        from pinsing.description.dh_table import dh_to_urdf, known_table, read_dh
 
-
-def _table(
-    path: Path, label: str, xacro_args: Mapping[str, str] | None, entry: CatalogEntry | None
-) -> GivenFile:
-    """A DH table, a file or an entry of ``arms.yaml``, by way of the URDF that is made of it."""
-    from pinsing.description.dh_table import dh_to_urdf, known_table, read_dh
-
-    RobotFileError.refuse_if(xacro_args, "is no xacro file, so it takes no xacro arguments", path)
-    table = read_dh(path) if entry is None else known_table(entry.alias_of or entry.name)
-    return GivenFile(parse_description(dh_to_urdf(table)), label, path, entry)
+        said = "is no xacro file, so it takes no xacro arguments"
+        RobotFileError.refuse_if(xacro_args, said, path)
+        table = read_dh(path) if entry is None else known_table(entry.alias_of or entry.name)
+        description = parse_description(dh_to_urdf(table))
+    else:
+        if entry is not None:  # what the catalog knows of it; what the user says wins
+            packages = {**entry.packages, **(packages or {})}
+            xacro_args = {**entry.xacro_args, **(xacro_args or {})}
+        description = read_description(path, packages, xacro_args)
+    label, model = os.fspath(robot), build_model(description)
+    return Given(model, label, description.name, path, description, entry)
 
 
 _UNIT = 1e-3
@@ -478,143 +487,6 @@ class Held:
         """How far values (...) of the joint are from where q (..., n) puts it."""
         off = np.asarray(value - (q @ self.row + self.offset))
         return off - 2 * np.pi * np.round(off / (2 * np.pi)) if self.endless else off
-
-
-@dataclass(frozen=True, eq=False)
-class WholeModel:
-    """The whole model, seen from an arm in it.
-
-    Its configuration is Pinocchio's: (nq,) numbers in the model's order, seven for a floating base,
-    cosine and sine for a continuous joint. The lengths n and nq are equal only where the arm is the
-    whole model and every joint is one number; then both mean the same, but for their order where
-    joints are traversed backwards.
-    """
-
-    source: Source
-    joints: tuple[str, ...]  # the arm's, base to tip
-    tip: str
-    coupling: Coupling | None
-
-    def values(self, q: Array) -> Array:
-        """One value (..., nv) for each joint that is not locked, of joint vectors (..., n)."""
-        return q if self.coupling is None else self.coupling.values(q)
-
-    def chain_q(self, q: Array, called: str) -> Array:
-        """Return joint vectors (..., n) of such or of (..., nq); ConfigurationError if neither."""
-        require_values(q, self.joints, called, int(self.source.full_model.nq))
-        return q if q.shape[-1] == len(self.joints) else self.q_of(q)
-
-    def chain_dq(self, dq: Array, called: str) -> Array:
-        """Return joint speeds (n,), given such or (nv,); a joint that is held must not move."""
-        whole = self.source.full_model
-        if dq.shape == (len(self.joints),):
-            return dq
-        ConfigurationError.refuse_if(
-            dq.shape != (whole.nv,),
-            f"{called} needs {len(self.joints)} values for {', '.join(self.joints)}, or the "
-            f"whole model's {whole.nv}; got shape {dq.shape}",
-            lengths=(len(self.joints), int(whole.nv)),
-        )
-        for j in self._on_the_way():
-            name, speed = whole.names[j], float(dq[whole.joints[j].idx_v])
-            ConfigurationError.refuse_if(
-                abs(speed) > ALIKE,
-                f"joint {name!r} is locked in this arm, but the whole model's {called} moves "
-                f"it at {speed:g}: load the arm with that joint as it is",
-                joint=name,
-                value=speed,
-            )
-        return np.array([dq[whole.joints[whole.getJointId(name)].idx_v] for name in self.joints])
-
-    def _on_the_way(self) -> list[int]:
-        """Joints of one value that are locked between base and tip."""
-        whole, locked = self.source.full_model, set(self.source.locked)
-        base = int(whole.frames[frame_index(whole, self.source.base)].parentJoint)
-        last = int(whole.frames[frame_index(whole, self.tip)].parentJoint)
-        # A floating base carries the arm's axes.
-        path = way_between(whole, base, last).path
-        return [j for j in path if j in locked and whole.joints[j].nv == 1]
-
-    def q_of(self, full_q: Array) -> Array:
-        """Return joint vectors (..., n) of configurations (..., nq) of the whole model."""
-        # ConfigurationError if a held joint is elsewhere. Angles are in (-pi, pi].
-        whole = self.source.full_model
-        kept = self.source.kept
-        values = np.stack([self._value(j, full_q) for j in kept], axis=-1)
-        names = [whole.names[j] for j in kept]
-        q = values[..., [names.index(name) for name in self.joints]]
-        for held in self.held():
-            self._require(held, q, self._value(held.index, full_q))
-        return q
-
-    def held(self) -> list[Held]:
-        """Joints between base and tip that have no value in q."""
-        whole, joints, found = self.source.full_model, np.array(self.joints), []
-        for row, j in enumerate(self.source.kept):
-            if self.coupling is not None and whole.names[j] not in self.joints:
-                share = self.coupling.matrix[row]
-                leaders = " and ".join(map(repr, joints[share != 0].tolist())) or "a locked joint"
-                why = f"follows {leaders} in the description"
-                found.append((j, share, self.coupling.offset[row], why))
-        rest, at = np.zeros(len(joints)), self.source.reference
-        for j in self._on_the_way():
-            found.append((j, rest, self._value(j, at), "is locked in this arm"))
-        return [
-            Held(
-                whole.names[j],
-                j,
-                row,
-                float(offset),
-                whole.joints[j].shortname().startswith("JointModelP"),
-                whole.joints[j].nq == 2,
-                why,
-            )
-            for j, row, offset, why in found
-        ]
-
-    def full_q(self, q: Array, others: Array) -> Array:
-        """Configurations (..., nq): ``others`` (nq,) with the arm at q (..., n)."""
-        whole = self.source.full_model
-        values = self.values(q)
-        out = np.broadcast_to(others, (*q.shape[:-1], whole.nq)).copy()
-        for row, j in enumerate(self.source.kept):
-            i, value = whole.joints[j].idx_q, values[..., row]
-            if whole.joints[j].nq == 2:
-                out[..., i], out[..., i + 1] = np.cos(value), np.sin(value)
-            else:
-                out[..., i] = value
-        return out
-
-    def _value(self, joint: int, full_q: Array) -> Array:
-        """Plain value of a joint with one degree of freedom, radians or metres."""
-        whole = self.source.full_model
-        entry = whole.joints[joint]
-        i = entry.idx_q
-        if entry.nq == 1:
-            return np.asarray(full_q[..., i])
-        c, s = full_q[..., i], full_q[..., i + 1]
-        if not (np.abs(np.hypot(c, s) - 1) <= _UNIT).all():
-            name = whole.names[joint]
-            raise ConfigurationError(
-                f"q of continuous joint {name!r} must be its cosine and sine "
-                f"(entries {i} and {i + 1} of the whole model's {whole.nq})",
-                joint=name,
-            )
-        return np.asarray(np.arctan2(s, c))
-
-    def _require(self, held: Held, q: Array, value: Array) -> None:
-        wrong = np.abs(held.off(q, value)) > ALIKE
-        if not wrong.any():
-            return
-        here, there = float(value[wrong][0]), float(q[wrong][0] @ held.row + held.offset)
-        raise ConfigurationError(
-            f"joint {held.name!r} {held.why} and belongs at {there:g}, but the whole model's q "
-            f"has it at {here:g}: give the arm's own {len(self.joints)} values, or load the arm "
-            "with that joint as it is",
-            joint=held.name,
-            value=here,
-            limits=(there, there),
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -694,10 +566,6 @@ class Arm(Advised, Memory):
         return JointSpace(self.joints, self.prismatic, self.lower, self.upper, self.length_scale)
 
     @property
-    def _whole(self) -> WholeModel:
-        return WholeModel(self.source, self.joints, self.tip, self.coupling)
-
-    @property
     def n(self) -> int:
         """Number of free joints."""
         return len(self.joints)
@@ -775,7 +643,37 @@ class Arm(Advised, Memory):
         return self._radians(self._as_typed(q, name), name)
 
     def _as_typed(self, q: ArrayLike, name: str = "q", own: bool = True) -> Array:
-        return self._whole.chain_q(real_numbers(columns_of(q, self.joints, name), name, own), name)
+        q = real_numbers(columns_of(q, self.joints, name), name, own)
+        require_values(q, self.joints, name, int(self.source.full_model.nq))
+        return q if q.shape[-1] == self.n else self._of_whole(q)
+
+    def _of_whole(self, full_q: Array) -> Array:
+        """Joint vectors (..., n) of configurations (..., nq), where held joints are as in the arm.
+
+        Angles are in (-pi, pi].
+        """
+        whole = self.source.full_model
+        own = [whole.getJointId(name) for name in self.joints]
+        q = np.stack([_value(whole, j, full_q) for j in own], axis=-1)
+        for held in held_joints(self):
+            value = _value(whole, held.index, full_q)
+            wrong = np.abs(held.off(q, value)) > ALIKE
+            if wrong.any():
+                here = float(value[wrong][0])
+                there = float(q[wrong][0] @ held.row + held.offset)
+                raise ConfigurationError(
+                    f"joint {held.name!r} {held.why} and belongs at {there:g}, but the whole "
+                    f"model's q has it at {here:g}: give the arm's own {self.n} values, or load "
+                    "the arm with that joint as it is",
+                    joint=held.name,
+                    value=here,
+                    limits=(there, there),
+                )
+        return q
+
+    def _values(self, q: Array) -> Array:
+        """One value (..., nv) for each joint that is not locked."""
+        return q if self.coupling is None else self.coupling.values(q)
 
     def _radians(self, q: Array, name: str) -> Array:
         if self.units is None:
@@ -881,7 +779,7 @@ class Arm(Advised, Memory):
         )
         own = self.check(array, "full_q")
         # Of the same length, it is still in the order of the whole model.
-        return self._whole.q_of(array) if array.shape[-1] == self.n else own
+        return self._of_whole(array) if array.shape[-1] == self.n else own
 
     def full_q(self, q: ArrayLike, others: ArrayLike | None = None) -> Array:
         """Return configuration(s) of the whole model with the arm at q: the inverse of ``q_of``.
@@ -918,7 +816,10 @@ class Arm(Advised, Memory):
             f"others needs {whole} finite values, got shape {rest.shape}",
             lengths=(whole,),
         )
-        return self._whole.full_q(self.check(q), rest)
+        values = self._values(self.check(q))
+        out = np.broadcast_to(rest, (*values.shape[:-1], whole)).copy()
+        put_values(self.source.full_model, self.source.kept, values, out)
+        return out
 
     @checked
     def within_limits(self, q: ArrayLike, slack: float = 1e-9) -> Bool:
@@ -1009,7 +910,7 @@ class Arm(Advised, Memory):
         >>> pin.updateFramePlacement(arm.model, data, arm.tip_id).translation.round(3)[0].item()
         0.9
         """
-        return model_q(self.model, self._whole.values(self.check(q)))
+        return model_q(self.model, self._values(self.check(q)))
 
     def __repr__(self) -> str:
         return one_line("Arm", str(self))
@@ -1022,6 +923,80 @@ class Arm(Advised, Memory):
 
     def _repr_html_(self) -> str:
         return html_text(str(self), block=True)
+
+
+def held_joints(arm: Arm) -> list[Held]:
+    """Return the joints between base and tip that have no value in q."""
+    whole, joints, found = arm.source.full_model, np.array(arm.joints), []
+    for row, j in enumerate(arm.source.kept):
+        if arm.coupling is not None and whole.names[j] not in arm.joints:
+            share = arm.coupling.matrix[row]
+            leaders = " and ".join(map(repr, joints[share != 0].tolist())) or "a locked joint"
+            why = f"follows {leaders} in the description"
+            found.append((j, share, float(arm.coupling.offset[row]), why))
+    for j in _locked_on_the_way(arm):
+        at = float(joint_value(whole, j, arm.source.reference))
+        found.append((j, np.zeros(arm.n), at, "is locked in this arm"))
+    return [
+        Held(
+            whole.names[j],
+            j,
+            row,
+            offset,
+            slides=whole.joints[j].shortname().startswith("JointModelP"),
+            endless=whole.nqs[j] == 2,
+            why=why,
+        )
+        for j, row, offset, why in found
+    ]
+
+
+def _locked_on_the_way(arm: Arm) -> list[int]:
+    """Joints of one value that are locked between base and tip."""
+    whole = arm.source.full_model
+    ends = (
+        int(whole.frames[frame_index(whole, f)].parentJoint) for f in (arm.source.base, arm.tip)
+    )
+    # A floating base carries the arm's axes.
+    path = way_between(whole, *ends).path
+    return [j for j in path if j in arm.source.locked and whole.joints[j].nv == 1]
+
+
+def _value(whole: pin.Model, joint: int, full_q: Array) -> Array:
+    """As `joint_value`; ConfigurationError for what is no cosine and sine."""
+    i = whole.idx_qs[joint]
+    if whole.nqs[joint] == 2:
+        size = np.hypot(full_q[..., i], full_q[..., i + 1])
+        ConfigurationError.refuse_if(
+            not (np.abs(size - 1) <= _UNIT).all(),
+            f"q of continuous joint {whole.names[joint]!r} must be its cosine and sine "
+            f"(entries {i} and {i + 1} of the whole model's {whole.nq})",
+            joint=whole.names[joint],
+        )
+    return joint_value(whole, joint, full_q)
+
+
+def chain_speeds(arm: Arm, dq: Array, called: str) -> Array:
+    """Return joint speeds (n,), given such or (nv,); a joint that is locked must not move."""
+    whole = arm.source.full_model
+    if dq.shape == (arm.n,):
+        return dq
+    ConfigurationError.refuse_if(
+        dq.shape != (whole.nv,),
+        f"{called} needs {arm.n} values for {', '.join(arm.joints)}, or the "
+        f"whole model's {whole.nv}; got shape {dq.shape}",
+        lengths=(arm.n, int(whole.nv)),
+    )
+    for j in _locked_on_the_way(arm):
+        name, speed = whole.names[j], float(dq[whole.idx_vs[j]])
+        ConfigurationError.refuse_if(
+            abs(speed) > ALIKE,
+            f"joint {name!r} is locked in this arm, but the whole model's {called} moves "
+            f"it at {speed:g}: load the arm with that joint as it is",
+            joint=name,
+            value=speed,
+        )
+    return np.array([dq[whole.idx_vs[whole.getJointId(name)]] for name in arm.joints])
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Literal
 
 import pinocchio as pin
 
 from pinsing.errors import ChainError, JointError, UnknownNameError
 from pinsing.interface import checked
-from pinsing.robot.arm import Arm, HasModel, Source, given_file, given_model, named
+from pinsing.robot.arm import Arm, Given, HasModel, Source, given_file, given_model, named
 from pinsing.robot.models import (
-    Follow,
     Way,
-    build_model,
     candidates,
     chain_limits,
     choose_chain,
@@ -34,12 +32,9 @@ from pinsing.robot.models import (
     turned_round,
     way_between,
 )
+from pinsing.robot.mujoco import given_mujoco
 from pinsing.robot.nominal import assumed_design
 from pinsing.robot.task import Task, parse_task
-
-if TYPE_CHECKING:
-    from pinsing.description.urdf import Description
-
 
 ASSUMED = (
     "a simpler design is assumed, which most joint axes are a little off, as after a calibration "
@@ -50,21 +45,6 @@ LOOPS = "closed loops"
 """In the note of an arm that was taken out of a mechanism."""
 MAX_IN_A_ROW = 64
 """Joints of an arm; hours and gigabytes, not insight, lie beyond."""
-
-
-@dataclass(frozen=True)
-class _Whole:
-    """A whole robot before its chain is chosen."""
-
-    model: pin.Model
-    name: str
-    label: str
-    mimics: Mapping[str, Follow]
-    description: Description | None = None
-    path: Path | None = None
-    tip: str | None = None
-    base: str | None = None
-    notes: tuple[str, ...] = ()
 
 
 @checked
@@ -148,11 +128,13 @@ def load(
     parsed_task = parse_task(task, tool_axis)
     if isinstance(joints, str):
         joints = (joints,)
-    whole = _read(robot, packages, xacro_args)
-    model = whole.model
-    notes = list(whole.notes)
-    if tip is None and base is None and joints is None:
-        tip, base = whole.tip, whole.base
+    whole = given_model(robot) or given_mujoco(robot) or given_file(robot, packages, xacro_args)  # type: ignore[arg-type]
+    model, entry = whole.model, whole.entry
+    notes = [*whole.notes, *_loops_left_out(whole)]
+    if whole.description is not None:
+        notes += whole.description.assumed
+    if entry is not None and tip is None and base is None and joints is None:
+        tip, base = entry.tip, entry.base
     base_joint, base_frame = 0, "universe"
     if base is not None:
         base_joint, base_frame = int(model.frames[frame_index(model, base)].parentJoint), base
@@ -170,48 +152,21 @@ def load(
     return arm if units is None else replace(arm, units=units)
 
 
-def _read(
-    robot: Any, packages: Mapping[str, str | Path] | None, xacro_args: Mapping[str, str] | None
-) -> _Whole:
-    if (model := given_model(robot)) is not None:
-        return _Whole(model, model.name or "model", "pin.Model", {})
-    from pinsing.robot.mujoco import given_mujoco
-
-    if (mujoco := given_mujoco(robot)) is not None:
-        model, path, notes = mujoco
-        return _Whole(model, model.name or path.stem, str(robot), {}, path=path, notes=notes)
-    given = given_file(robot, packages, xacro_args)
-    description, entry = given.description, given.entry
-    return _Whole(
-        model=build_model(description),
-        name=description.name if entry is None else entry.name,
-        label=given.label,
-        mimics={
-            j.name: (j.mimic.joint, j.mimic.multiplier, j.mimic.offset)
-            for j in description.joints
-            if j.mimic is not None
-        },
-        description=description,
-        path=given.path,
-        tip=entry.tip if entry else None,
-        base=entry.base if entry else None,
-        notes=(*_loops_left_out(given.path, given.label), *description.assumed),
-    )
-
-
-def _loops_left_out(path: Path | None, robot: str) -> tuple[str, ...]:
+def _loops_left_out(whole: Given) -> list[str]:
     """Say that a robot has a file of closed loops, which an arm does not hold."""
+    path = whole.path
     loops = path and path.with_name(f"{path.name.partition('.')[0]}.loops.yaml")
     if loops is None or not loops.is_file():
-        return ()
-    return (
+        return []
+    return [
         f"the {LOOPS} of {loops.name} are left out and a serial chain is taken. With them: "
-        f"pinsing analyze {quote(robot)}, in Python pinsing.load_mechanism({robot!r})",
-    )
+        f"pinsing analyze {quote(whole.label)}, in Python "
+        f"pinsing.load_mechanism({whole.label!r})"
+    ]
 
 
 def _choose_tip(
-    whole: _Whole, tip: str | None, joints: Sequence[str] | None, base: tuple[str, int]
+    whole: Given, tip: str | None, joints: Sequence[str] | None, base: tuple[str, int]
 ) -> tuple[str, int, list[str]]:
     """Name of the tip frame, index of the joint that carries it, and notes."""
     model = whole.model
@@ -252,7 +207,7 @@ def _choose_tip(
 
 
 def _free_joints(
-    whole: _Whole, way: Way, joints: Sequence[str] | None, notes: list[str]
+    whole: Given, way: Way, joints: Sequence[str] | None, notes: list[str]
 ) -> list[int]:
     """Return which joints of the path stay: those asked for, or all with one degree of freedom."""
     model, path = whole.model, way.path
@@ -308,7 +263,7 @@ def _free_joints(
 
 
 def _build(
-    whole: _Whole,
+    whole: Given,
     ends: tuple[str, str],
     way: Way,
     free: list[int],
@@ -366,7 +321,7 @@ def _build(
     if coupling is not None:
         lower, upper = coupled_limits(lower, upper, coupling, names, independent)
     return Arm(
-        name=whole.name,
+        name=whole.entry.name if whole.entry else whole.name or "model",
         model=reduced,
         tip=tip,
         base=root_name(reduced) if base == "universe" else base,

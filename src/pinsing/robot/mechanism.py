@@ -722,41 +722,31 @@ def _tree(
     robot: Any, packages: Mapping[str, str | Path] | None
 ) -> tuple[pin.Model, Source, str, tuple[str, ...], tuple[str, ...]]:
     """What a robot's own description says; last its notes, and joints that mimic others there."""
-    model = given_model(robot)
-    follows: tuple[str, ...] = ()
-    if model is not None:
-        label, path, shapes, name = "pin.Model", None, None, model.name or "mechanism"
-        notes: tuple[str, ...] = ()
-    else:
-        from pinsing.robot.models import build_model
-
-        given = given_file(robot, packages)
-        description = given.description
+    given = given_model(robot) or given_file(robot, packages)
+    model, description = given.model, given.description
+    notes: tuple[str, ...] = ()
+    if description is not None:
         moving = [j for j in description.joints if j.kind != "fixed"]
         description.require_usable(j.name for j in moving if not j.endless)
-        model = build_model(description)
         endless = tuple(j.name for j in moving if j.endless)
         for j in endless:  # Pinocchio was given [0, 0] for joints without any limits
             index = model.joints[model.getJointId(j)].idx_q
             model.lowerPositionLimit[index], model.upperPositionLimit[index] = -np.inf, np.inf
-        follows = tuple(j.name for j in moving if j.mimic is not None)
-        label, path, shapes = given.label, given.path, description.shapes
-        name = description.name
         # What the description says of such joints holds for arms, which need limits.
         notes = tuple(x for x in description.assumed if not (endless and x.startswith(NO_LIMITS)))
         if endless:
             notes = (*notes, f"no usable limits, so they move without end: {', '.join(endless)}")
     source = Source(
-        label=label,
-        path=path,
-        shapes=shapes,
+        label=given.label,
+        path=given.path,
+        shapes=None if description is None else description.shapes,
         full_model=model,
         locked=(),
         kept=tuple(range(1, model.njoints)),
         reference=np.array(pin.neutral(model)),
         base="universe",
     )
-    return model, source, name, notes, follows
+    return model, source, given.name or "mechanism", notes, tuple(given.mimics)
 
 
 def _limits(model: pin.Model) -> tuple[Array, Array, Bool]:

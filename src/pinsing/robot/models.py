@@ -10,21 +10,16 @@ base's motion to the tip, its Jacobian is J_tip - X J_base in the axes of the ba
 
 from __future__ import annotations
 
-import contextlib
 import itertools
-import os
 import re
-import sys
-import threading
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from shlex import quote
-from typing import BinaryIO, cast
 
 import numpy as np
 import pinocchio as pin
 
-from pinsing.description.urdf import Description
+from pinsing.description.urdf import Description, Mimic
 from pinsing.errors import ChainError, JointError, RobotFileError, UnknownNameError
 from pinsing.measures import Array
 
@@ -370,17 +365,13 @@ def axis_rotation(axis: Array) -> Array:
     return np.asarray(over[:, None] * turned)
 
 
-Follow = tuple[str, float, float]
-"""Name of the joint that is followed, multiplier, offset (radians or metres)."""
-
-
-def leader_of(name: str, mimics: Mapping[str, Follow]) -> Follow:
+def leader_of(name: str, mimics: Mapping[str, Mimic]) -> Mimic:
     """Follow mimics of mimics to the joint that moves by itself."""
     leader, multiplier, offset = mimics[name]
     while leader in mimics:
         further, m, o = mimics[leader]
         leader, multiplier, offset = further, multiplier * m, multiplier * o + offset
-    return leader, multiplier, offset
+    return Mimic(leader, multiplier, offset)
 
 
 @dataclass(frozen=True, eq=False)
@@ -396,13 +387,13 @@ class Coupling:
 
 
 def couple(
-    names: Sequence[str], independent: Sequence[str], leaders: Mapping[str, Follow]
+    names: Sequence[str], independent: Sequence[str], leaders: Mapping[str, Mimic]
 ) -> Coupling:
     """Coupling of the joints ``names`` of a model, of which ``independent`` move by themselves."""
     matrix = np.zeros((len(names), len(independent)))
     offset = np.zeros(len(names))
     for row, name in enumerate(names):
-        leader, multiplier, shift = leaders.get(name, (name, 1.0, 0.0))
+        leader, multiplier, shift = leaders.get(name, Mimic(name, 1.0, 0.0))
         matrix[row, independent.index(leader)] = multiplier
         offset[row] = shift
     return Coupling(matrix, offset)
@@ -430,25 +421,34 @@ def coupled_limits(
     return low, high
 
 
-def locked_at(model: pin.Model, mimics: Mapping[str, Follow]) -> Array:
+def joint_value(model: pin.Model, joint: int, q: Array) -> Array:
+    """Return a joint's value (...), radians or metres, in configurations (..., nq)."""
+    i = model.idx_qs[joint]
+    single = model.nqs[joint] == 1
+    return np.asarray(q[..., i] if single else np.arctan2(q[..., i + 1], q[..., i]))
+
+
+def put_values(model: pin.Model, joints: Iterable[int], values: Array, out: Array) -> None:
+    """Write values (..., k) of k joints into configurations (..., nq)."""
+    for column, joint in enumerate(joints):
+        i, value = model.idx_qs[joint], values[..., column]
+        if model.nqs[joint] == 2:  # a continuous joint is its cosine and sine
+            out[..., i], out[..., i + 1] = np.cos(value), np.sin(value)
+        else:
+            out[..., i] = value
+
+
+def locked_at(model: pin.Model, mimics: Mapping[str, Mimic]) -> Array:
     """Return the values of locked joints: neutral, within limits; followers follow."""
-    q = pin.neutral(model)
-    for joint in model.joints[1:]:
-        if joint.nq == 1:
-            i = joint.idx_q
-            low, high = model.lowerPositionLimit[i], model.upperPositionLimit[i]
-            if low <= high:
-                q[i] = float(np.clip(q[i], low, high))
+    q = np.array(pin.neutral(model))
+    single = [joint.idx_q for joint in model.joints[1:] if joint.nq == 1]
+    low, high = model.lowerPositionLimit[single], model.upperPositionLimit[single]
+    q[single] = np.where(low <= high, np.clip(q[single], low, high), q[single])
     for name in mimics:
         leader, multiplier, shift = leader_of(name, mimics)
-        here = model.joints[model.getJointId(name)]
-        there = model.joints[model.getJointId(leader)]
-        angle = np.arctan2(q[there.idx_q + 1], q[there.idx_q]) if there.nq == 2 else q[there.idx_q]
-        value = multiplier * angle + shift
-        q[here.idx_q : here.idx_q + here.nq] = (
-            value if here.nq == 1 else (np.cos(value), np.sin(value))
-        )
-    return np.array(q)
+        value = multiplier * joint_value(model, model.getJointId(leader), q) + shift
+        put_values(model, [model.getJointId(name)], value[None], q)
+    return q
 
 
 def chain_limits(model: pin.Model) -> tuple[Array, Array, np.ndarray, list[str]]:
@@ -509,51 +509,12 @@ def chain_limits(model: pin.Model) -> tuple[Array, Array, np.ndarray, list[str]]
     return limits[0], limits[1], sliding, notes
 
 
-# File descriptor 2 belongs to the whole process: one capture at a time.
-_CAPTURE = threading.Lock()
-
-
 def build_model(description: Description) -> pin.Model:
     """Return the Pinocchio model of a description: its root fixed, its mimic joints free."""
-    with _stderr_of_c() as store:
-        try:
-            return pin.buildModelFromXML(description.kinematics)
-        except (ValueError, RuntimeError, IndexError) as error:
-            reason = str(error)
-        store.seek(0)
-        printed = store.read(20_000).decode(errors="replace")
-    said = " ".join(
-        word for line in printed.splitlines() if " at line " not in line for word in line.split()
-    )
-    raise RobotFileError(f"Pinocchio cannot build it: {said or reason}", description.path)
-
-
-@contextlib.contextmanager
-def _stderr_of_c() -> Iterator[BinaryIO]:
-    """Catch what C++ prints to file descriptor 2; a process without one is left as it is."""
-    with _CAPTURE, _store() as store:
-        sys.stderr.flush()
-        try:
-            saved = os.dup(2)
-        except OSError:
-            yield store
-            return
-        try:
-            os.dup2(store.fileno(), 2)
-            yield store
-        finally:
-            os.dup2(saved, 2)
-            os.close(saved)
-
-
-def _store() -> BinaryIO:
-    """A file without a name, in memory where there is such a thing."""
-    if hasattr(os, "memfd_create"):
-        with contextlib.suppress(OSError):  # some sandboxes refuse it
-            return os.fdopen(os.memfd_create("stderr of pinsing"), "w+b")
-    import tempfile  # with shutil and its archives: a start of half a second can do without
-
-    return cast("BinaryIO", tempfile.TemporaryFile())
+    try:
+        return pin.buildModelFromXML(description.kinematics)
+    except (ValueError, RuntimeError, IndexError) as error:
+        raise RobotFileError(f"Pinocchio cannot build it: {error}", description.path) from None
 
 
 def lock_joints(

@@ -23,7 +23,7 @@ from pinsing.description.urdf import MAX_DEPTH, MAX_IN_A_TREE
 from pinsing.description.xml_tree import MAX_BYTES, Node, UrdfSource, parse_xml, read_bytes, show
 from pinsing.errors import RobotFileError
 from pinsing.measures import Array
-from pinsing.robot.arm import given_model
+from pinsing.robot.arm import Given
 
 SUFFIXES = (".xml", ".mjcf")
 
@@ -72,8 +72,8 @@ _ATTRIBUTES = {
 }
 
 
-def given_mujoco(robot: Any) -> tuple[pin.Model, Path, tuple[str, ...]] | None:
-    """Return the model of a MuJoCo file, the file, and notes; None for everything else."""
+def given_mujoco(robot: Any) -> Given | None:
+    """Return the robot of a MuJoCo file; None for everything else."""
     if not isinstance(robot, str | os.PathLike) or str(robot).lstrip().startswith("<"):
         return None
     if not str(robot).lower().endswith(SUFFIXES) and not str(robot).startswith("rd:"):
@@ -92,7 +92,9 @@ def given_mujoco(robot: Any) -> tuple[pin.Model, Path, tuple[str, ...]] | None:
         notes.append(
             "equality constraints of the MuJoCo model (coupled joints, closed loops) are left out"
         )
-    return given_model(_MjcfReader(source, root).model), path, tuple(notes)
+    model = _MjcfReader(source, root).model
+    source.check_name(model.name, "the model", root)
+    return Given(model, str(robot), model.name or path.stem, path, notes=tuple(notes))
 
 
 class _MjcfSource(UrdfSource):

@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from pinsing.measures import ROUNDING, SEED
 from pinsing.robot.arm import Arm
+from pinsing.robot.models import joint_value
 
 if TYPE_CHECKING:
     from yourdfpy import URDF
@@ -116,25 +117,20 @@ def _limits(arm: Arm, robot: URDF) -> list[str]:
 def _placements(arm: Arm, robot: URDF, links: tuple[str, ...]) -> tuple[float, float]:
     """Largest differences of links' placements in the root link [m], [rad]."""
     model = arm.source.full_model
-    data = model.createData()
+    data, names = model.createData(), model.names
+    told = [
+        j
+        for j, name in enumerate(names)
+        if j and name in robot.actuated_joint_names and model.nqs[j] <= 2
+    ]
     moved = turned = 0.0
     for q in arm.space.sample(CONFIGURATIONS, np.random.default_rng(SEED)):
         full = arm.full_q(q)
         pin.framesForwardKinematics(model, data, full)
-        robot.update_cfg(_values(model, full, robot))
+        robot.update_cfg({names[j]: float(joint_value(model, j, full)) for j in told})
         for link in links:
             own = data.oMf[model.getFrameId(link, pin.FrameType.BODY)]
             their = robot.get_transform(link)
             moved = max(moved, float(np.linalg.norm(own.translation - their[:3, 3])))
             turned = max(turned, float(np.linalg.norm(pin.log3(own.rotation.T @ their[:3, :3]))))
     return moved, turned
-
-
-def _values(model: pin.Model, q: np.ndarray, robot: URDF) -> dict[str, float]:
-    """Values of the joints [rad] or [m] by name; a continuous joint is its cosine and sine in q."""
-    values = {}
-    for j in range(1, model.njoints):
-        own = q[model.idx_qs[j] : model.idx_qs[j] + model.nqs[j]]
-        if model.names[j] in robot.actuated_joint_names and len(own) <= 2:
-            values[model.names[j]] = float(own[0] if len(own) == 1 else np.arctan2(own[1], own[0]))
-    return values
