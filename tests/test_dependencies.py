@@ -34,8 +34,8 @@ PROVIDER = {
     "collada": "pycollada", "flint": "python-flint", "mpl_toolkits": "matplotlib",
     "pil": "pillow", "pinocchio": "pin", "umsgpack": "u-msgpack-python", "yaml": "pyyaml",
 }  # fmt: skip
-# Imported by a call of import_module, which the walk does not see.
-BY_NAME = {"example-robot-data": "files alone", "meshcat": "pinsing.view.scene"}
+# Used without an import that the walk sees.
+BY_NAME = {"example-robot-data": "files alone", "meshcat": "files alone"}
 
 
 @pytest.mark.skipif(not OLDEST.exists(), reason="not a checkout of the repository")

@@ -11,9 +11,9 @@ import pytest
 import pinsing
 from pinsing.description import files as references
 from pinsing.view import collada as collada_reader, meshes
-from pinsing.view.collada import NotPlainError, Painted, as_object, read_collada
+from pinsing.view.collada import NotPlainError, Painted, read_collada
 from pinsing.view.meshes import Mesh, read_meshes
-from pinsing.view.scene import Recorder, draw_links, read_links
+from pinsing.view.scene import Recorder, SceneNode, _surface, draw_links, read_links
 
 pytestmark = pytest.mark.filterwarnings("ignore:the matrix subclass")  # pycollada's
 
@@ -182,7 +182,7 @@ def test_no_collada_file_is_parsed_in_this_process(tmp_path, monkeypatch):
     monkeypatch.setattr(collada_reader, "read_collada", lambda _: pytest.fail("parsed here"))
     links = read_links(pinsing.load("panda"))
     recorder = Recorder()
-    assert draw_links(recorder.visualizer(), links) == ()
+    assert draw_links(recorder.root, links) == ()
     assert b"".join(recorder.parts()).count(b"MeshPhongMaterial") > 20
     monkeypatch.setattr(meshes, "SECONDS_EACH", 0.1)
     file = tmp_path / "slow.dae"
@@ -192,12 +192,14 @@ def test_no_collada_file_is_parsed_in_this_process(tmp_path, monkeypatch):
 
 def test_each_paint_of_a_link_is_drawn():
     (one,) = read(collada())
-    drawn = as_object([one, one])
+    sent = []
+    SceneNode(sent.append, "/arm").draw(_surface(one), _surface(one))
+    drawn = sent[0]["object"]
     assert len(drawn["object"]["children"]) == 2
     assert drawn["materials"][0]["color"] == 0xFF8000
     recorder = Recorder()
-    recorder.visualizer()["pinsing/arm/3/visual/0"].set_property("visible", False)
-    recorder.visualizer()["pinsing/arm/3/bone"].set_property("visible", False)
+    recorder.root["pinsing/arm/3/visual/0"].show(False)
+    recorder.root["pinsing/arm/3/bone"].show(False)
     scene, links = recorder.parts()
     assert b"bone" in scene
     assert b"visual" in links

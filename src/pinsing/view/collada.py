@@ -13,7 +13,6 @@ import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
-from uuid import uuid1
 
 import numpy as np
 
@@ -21,7 +20,6 @@ from pinsing.errors import Refusal
 from pinsing.measures import Array, NDArray
 
 _STEPS = 32767  # of the longest side, in each direction
-_TYPES = {"Int8Array": 17, "Int16Array": 19, "Uint16Array": 20, "Uint32Array": 22}
 
 
 class NotPlainError(Refusal, ValueError):
@@ -202,65 +200,3 @@ def unpacked(head: bytes, body: bytes) -> tuple[Painted, ...] | None:
     except (ValueError, KeyError, TypeError):
         return None
     return tuple(parts)
-
-
-def as_object(parts: Sequence[Painted]) -> dict[str, Any]:
-    """The parts in the JSON of three.js, as meshcat takes it."""
-    geometries, materials, meshes = [], [], []
-    for part in parts:
-        shape, paint = str(uuid1()), str(uuid1())
-        x, y, z = part.middle
-        step = part.step
-        geometries.append(
-            {
-                "uuid": shape,
-                "type": "BufferGeometry",
-                "data": {
-                    "attributes": {
-                        "position": _array("Int16Array", part.vertices, 4),
-                        "normal": _array("Int8Array", part.normals, 4),
-                    },
-                    "index": _array(
-                        "Uint16Array" if part.faces.dtype == np.uint16 else "Uint32Array",
-                        part.faces,
-                        1,
-                    ),
-                },
-            }
-        )
-        materials.append(
-            {
-                "uuid": paint,
-                **asdict(part.paint),
-                "type": "MeshPhongMaterial",
-                "side": 2,
-                "transparent": part.paint.opacity < 1.0,
-            }
-        )
-        meshes.append(
-            {
-                "uuid": str(uuid1()),
-                "type": "Mesh",
-                "geometry": shape,
-                "material": paint,
-                "matrix": [step, 0, 0, 0, 0, step, 0, 0, 0, 0, step, 0, x, y, z, 1],
-            }
-        )
-    return {
-        "metadata": {"version": 4.5, "type": "Object"},
-        "geometries": geometries,
-        "materials": materials,
-        "object": {"uuid": str(uuid1()), "type": "Group", "children": meshes},
-    }
-
-
-def _array(kind: str, values: NDArray[Any], columns: int) -> dict[str, Any]:
-    from umsgpack import Ext  # the child process that makes the parts can do without
-
-    little = values.astype(values.dtype.newbyteorder("<"), copy=False)
-    return {
-        "itemSize": columns,
-        "type": kind,
-        "array": Ext(_TYPES[kind], little.tobytes()),
-        "normalized": False,
-    }

@@ -32,10 +32,11 @@ from pinsing.robot.mechanism import Mechanism, closing
 from pinsing.view.scene import (
     HOT,
     ROTATION,
+    SceneNode,
     Sizes,
-    Torus,
-    geometry as mg,
+    painted,
     raised,
+    ring,
     ring_arrow,
     straight_arrow,
 )
@@ -132,7 +133,7 @@ def side(normal: Array | None) -> tuple[float, ...]:
     return tuple(float(v) for v in across + 0.42 * tilt)
 
 
-def draw_linkage_marks(node: Any, mechanism: Mechanism, size: Sizes) -> None:
+def draw_linkage_marks(node: SceneNode, mechanism: Mechanism, size: Sizes) -> None:
     """Draw arrows of motions that actuators do not hold; in a plane, adapt the scene to it.
 
     A ring, whose radius is the speed about the normal, replaces an ellipsoid that would be a
@@ -147,9 +148,9 @@ def draw_linkage_marks(node: Any, mechanism: Mechanism, size: Sizes) -> None:
     turning = node["ellipsoid/rotation"]
     for part in ("skin", "xy", "yz", "zx"):
         turning[part].delete()
-    turning["ring"].set_object(Torus(1.0, 0.035), mg.MeshPhongMaterial(color=ROTATION))
+    turning["ring"].draw(painted(ring(1.0, 0.035), ROTATION))
     if abs(normal[2]) > 1 - 1e-9:
-        node["floor"].set_transform(raised(-0.06 * size.reach))
+        node["floor"].move(raised(-0.06 * size.reach))
 
 
 _MEANING = {
@@ -316,7 +317,7 @@ class MechanismViewer(Tab):
         ends = list(dict.fromkeys([*chain(*pairs), mechanism.output_id]))
         super().__init__(mechanism, linkage_sizes(mechanism, scale), skeleton, ends, host, port)
         self._normal = plane_normal(mechanism, at_zero(mechanism).axis)
-        draw_linkage_marks(self._drawn.visualizer()["pinsing"], mechanism, self._sizes)
+        draw_linkage_marks(self._drawn.root["pinsing"], mechanism, self._sizes)
         self._q = home(mechanism)
 
     def show(self, q: ArrayLike) -> None:

@@ -8,14 +8,11 @@ Frames then place it. Paths: ``pinsing/arm/<joint of the model>/{visual,bone,axi
 from __future__ import annotations
 
 import base64
-import importlib
-import re
-import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from types import ModuleType
+from types import SimpleNamespace
 from typing import Any
 
 import coal
@@ -27,147 +24,187 @@ from pinsing.description.files import ColladaProblem, image_references
 from pinsing.errors import OptionError
 from pinsing.kinematics.at import at
 from pinsing.kinematics.jacobian import frame_jacobians
-from pinsing.measures import Array, ArrayLike, pure_ellipsoids
+from pinsing.measures import Array, ArrayLike, NDArray, pure_ellipsoids
 from pinsing.robot.arm import Arm
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.models import frame_index, joint_axis, lock_joints, turned_round
-from pinsing.view.collada import Painted, as_object
+from pinsing.view.collada import Painted
 from pinsing.view.meshes import Mesh, read_geometry
 
-
-def _import_meshcat() -> Any:
-    if "IPython" in sys.modules or "meshcat" in sys.modules:
-        return importlib.import_module("meshcat")
-    package, display = ModuleType("IPython"), ModuleType("IPython.display")
-    package.display = display  # type: ignore[attr-defined]
-    display.HTML = lambda *args: importlib.import_module("IPython.display").HTML(*args)  # type: ignore[attr-defined]
-    stand_ins = {module.__name__: module for module in (package, display)}
-    sys.modules.update(stand_ins)
-    try:
-        return importlib.import_module("meshcat")
-    finally:
-        for name, module in stand_ins.items():
-            if sys.modules.get(name) is module:
-                del sys.modules[name]
+Data = dict[str, Any]
+"""What three.js, or meshcat, reads as JSON."""
 
 
-meshcat: Any = _import_meshcat()
-geometry: Any = meshcat.geometry
+@dataclass(frozen=True)
+class SceneNode:
+    """A place in a scene of meshcat; ``send`` takes what is drawn there."""
 
+    send: Callable[[Data], object]
+    path: str
 
-_SHAPES = re.compile(r"/arm/\d+/visual/")
+    def __getitem__(self, below: str) -> SceneNode:
+        return SceneNode(self.send, f"{self.path}/{below}")
+
+    def draw(self, *parts: Data, at: Array | None = None) -> None:
+        """Show objects of three.js here, each with its geometry and material inside it."""
+        lists: Data = {"geometry": [], "material": []}
+        objects = []
+        for k, part in enumerate(parts):
+            here = {"uuid": f"{self.path} {k}", **part}
+            for kind in lists.keys() & part.keys():
+                here[kind] = f"{self.path} {k} {kind}"
+                lists[kind].append({**part[kind], "uuid": here[kind]})
+            objects.append(here)
+        whole = {
+            "metadata": {"version": 4.5, "type": "Object"},
+            "geometries": lists["geometry"],
+            "materials": lists["material"],
+            "object": {"type": "Group", "children": objects} if objects[1:] else objects[0],
+        }
+        self.send({"type": "set_object", "path": self.path, "object": whole})
+        if at is not None:
+            self.move(at)
+
+    def move(self, placement: Array) -> None:
+        """Place all that is here, (4, 4)."""
+        matrix = placement.T.ravel().tolist()
+        self.send({"type": "set_transform", "path": self.path, "matrix": matrix})
+
+    def show(self, visible: bool) -> None:
+        """Show all that is here, or hide it."""
+        seen = {"property": "visible", "value": visible}
+        self.send({"type": "set_property", "path": self.path, **seen})
+
+    def delete(self) -> None:
+        """Take away all that is here."""
+        self.send({"type": "delete", "path": self.path})
 
 
 class Recorder:
-    """Takes what `meshcat.Visualizer` sends: (where, command as msgpack) in order."""
+    """Keeps what is drawn below its ``root``: (where, command as msgpack) in order."""
 
     def __init__(self) -> None:
         self.commands: list[tuple[str, bytes]] = []
-
-    def send(self, command: Any) -> None:
-        """Keep a command."""
-        lowered = command.lower()
-        self.commands.append((str(lowered.get("path", "")), umsgpack.packb(lowered)))
-
-    def visualizer(self) -> Any:
-        """A meshcat visualizer at the root that draws into this recorder."""
-        return meshcat.Visualizer.view_into(self, meshcat.path.Path(()))
+        self.root = SceneNode(
+            lambda one: self.commands.append((one["path"], umsgpack.packb(one))), ""
+        )
 
     def parts(self) -> tuple[bytes, bytes]:
         """Return commands to show at once, and link shapes, which are large."""
         # Each after its length as 4 bytes, little endian.
         parts = bytearray(), bytearray()
         for path, command in self.commands:
-            later = _SHAPES.search(path) is not None
-            parts[later].extend(len(command).to_bytes(4, "little") + command)
+            parts["/visual/" in path].extend(len(command).to_bytes(4, "little") + command)
         return bytes(parts[0]), bytes(parts[1])
 
 
-_IMAGES = {b"\x89PNG\r\n\x1a\n": "image/png", b"\xff\xd8\xff": "image/jpeg"}
+def painted(shape: Data, color: int, **more: Any) -> Data:
+    """A shape in a colour, 0xrrggbb."""
+    return {**shape, "material": {"type": "MeshPhongMaterial", "color": color, **more}}
 
 
-class DrawnRod(geometry.Cylinder):  # type: ignore[misc]
-    """A cylinder or cone along z, which three.js draws along y."""
-
-    def intrinsic_transform(self) -> Array:
-        """Turn of the drawn cylinder, (4, 4)."""
-        # Rows and columns are swapped on the way to the page.
-        return np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
+# Of closed shapes three.js draws the outside alone: each other way of painting is one more program
+# that a graphics card has to be given before the first picture.
+BOTH_SIDES = 2
 
 
-class _Collada(geometry.ReferenceSceneElement):  # type: ignore[misc]
-    """A Collada file: its triangles; with its textures, as it is, where it is not plain."""
-
-    def __init__(self, file: Path, parts: Sequence[Painted]) -> None:
-        super().__init__()
-        self.path: Any = None
-        if parts:
-            self.content = as_object(parts)
-            return
-        self.content = {
-            "metadata": {"version": 4.5, "type": "Object"},
-            "geometries": [],
-            "materials": [],
-            "object": {
-                "uuid": self.uuid,
-                "type": "_meshfile_object",
-                "format": "dae",
-                "data": file.read_text(encoding="utf-8", errors="replace"),
-                "resources": _textures(file),
-                "matrix": np.eye(4).ravel().tolist(),
-            },
-        }
-
-    def lower(self) -> dict[str, Any]:
-        return {"type": "set_object", "path": self.path.lower(), "object": self.content}
+def _shape(geometry: str, **sizes: Any) -> Data:
+    return {"type": "Mesh", "geometry": {"type": geometry, **sizes}}
 
 
-def draw_shape(node: Any, shape: pin.GeometryObject, mesh: Mesh | None) -> str:
-    """Draw one shape, or its mesh, at a meshcat node; return why it cannot be, empty if it is."""
-    try:
-        made = _made(shape, mesh)
-    except (OSError, ValueError, ColladaProblem) as error:
-        return f"the shape {shape.name!r} is not drawn: {' '.join(str(error).split())}"
-    material = geometry.MeshPhongMaterial(color=_color(shape.meshColor))
-    if float(shape.meshColor[3]) != 1.0:
-        material.transparent, material.opacity = True, float(shape.meshColor[3])
-    if isinstance(made, _Collada):
-        made.path = node.path
-        node.window.send(made)
-    else:
-        node.set_object(made, material)
-    return ""
+def _box(x: float, y: float, z: float) -> Data:
+    return _shape("BoxGeometry", width=x, height=y, depth=z)
 
 
-def _made(shape: pin.GeometryObject, mesh: Mesh | None) -> Any:
-    form = shape.geometry
-    if mesh is not None:
-        return _mesh(Path(shape.meshPath), mesh)
-    if isinstance(form, coal.Box):
-        return geometry.Box([2.0 * float(x) for x in form.halfSide])
-    if isinstance(form, coal.Sphere):
-        return geometry.Sphere(float(form.radius))
-    if isinstance(form, coal.Cylinder):
-        return DrawnRod(2.0 * float(form.halfLength), float(form.radius))
-    raise ValueError(f"it is a {type(form).__name__}")
+def _ball(radius: float, around: int = 20, down: int = 20) -> Data:
+    return _shape("SphereGeometry", radius=radius, widthSegments=around, heightSegments=down)
 
 
-def _mesh(file: Path, mesh: Mesh) -> Any:
-    kind = file.suffix.lower()
+def rod(height: float, radius: float, top: float | None = None) -> Data:
+    """A cylinder along z, metres; a cone with another radius on ``top``."""
+    radii = {"radiusTop": radius if top is None else top, "radiusBottom": radius}
+    shape = _shape("CylinderGeometry", **radii, height=height, radialSegments=50)
+    # three.js draws it along y.
+    return {**shape, "matrix": [1.0, 0, 0, 0, 0, 0, 1.0, 0, 0, -1.0, 0, 0, 0, 0, 0, 1.0]}
+
+
+def ring(radius: float, tube: float) -> Data:
+    """A ring about z, metres."""
+    return _shape("TorusGeometry", radius=radius, tube=tube, radialSegments=12, tubularSegments=64)
+
+
+_ARRAYS = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "float32")
+"""Types of numbers, in the order of their types in msgpack."""
+
+
+def _numbers(kind: str, data: bytes) -> umsgpack.Ext:
+    return umsgpack.Ext(17 + _ARRAYS.index(kind), data)
+
+
+def _array(values: NDArray[Any], columns: int) -> Data:
+    kind, little = values.dtype.name, values.astype(values.dtype.newbyteorder("<"), copy=False)
+    return {
+        "itemSize": columns,
+        "type": f"{kind.capitalize()}Array",
+        "array": _numbers(kind, little.tobytes()),
+        "normalized": False,
+    }
+
+
+def _points(faces: NDArray[Any] | None = None, **columns: NDArray[Any]) -> Data:
+    """Points out of arrays (n, k) of their positions, normals; triangles (m, 3) between them."""
+    data: Data = {"attributes": {name: _array(x, x.shape[1]) for name, x in columns.items()}}
+    index = {} if faces is None else {"index": _array(faces, 1)}
+    return _shape("BufferGeometry", data=data | index)
+
+
+def _lines(kind: str, points: Array, color: int) -> Data:
+    """A ``Line`` through points (n, 3), or ``LineSegments`` between pairs of them."""
+    shape = _points(position=points.astype(np.float32))
+    return {**painted(shape, color, type="LineBasicMaterial"), "type": kind}
+
+
+def _parts(shape: pin.GeometryObject, mesh: Mesh | None) -> list[Data]:
+    """A visual shape of a robot, or its mesh; ValueError or OSError if it cannot be shown."""
+    file, form = Path(shape.meshPath), shape.geometry
+    kind = "" if mesh is None else file.suffix.lower()
+    if mesh is not None and mesh.painted:
+        return [_surface(part) for part in mesh.painted]
     if kind == ".dae":
-        return _Collada(file, mesh.painted)
+        text = file.read_text(encoding="utf-8", errors="replace")
+        whole = {"format": "dae", "data": text, "resources": _textures(file)}
+        return [{"type": "_meshfile_object", **whole}]
     if kind == ".obj":
-        return geometry.MeshGeometry(file.read_text(encoding="utf-8", errors="replace"), "obj")
-    if kind == ".stl":
-        return geometry.StlMeshGeometry.from_file(str(file))
-    return geometry.TriangularMeshGeometry(
-        mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32)
-    )
+        text = file.read_text(encoding="utf-8", errors="replace")
+        drawn = _shape("_meshfile", format="obj", data=text)
+    elif kind == ".stl":
+        drawn = _shape("_meshfile", format="stl", data=_numbers("uint8", file.read_bytes()))
+    elif mesh is not None:
+        drawn = _points(mesh.faces.astype(np.uint32), position=mesh.vertices.astype(np.float32))
+    elif isinstance(form, coal.Box):
+        drawn = _box(*(2.0 * float(x) for x in form.halfSide))
+    elif isinstance(form, coal.Sphere):
+        drawn = _ball(float(form.radius))
+    elif isinstance(form, coal.Cylinder):
+        drawn = rod(2.0 * float(form.halfLength), float(form.radius))
+    else:
+        raise ValueError(f"it is a {type(form).__name__}")
+    r, g, b = (min(255, max(0, int(255 * float(x)))) for x in shape.meshColor[:3])
+    opacity = float(shape.meshColor[3])
+    seen = {"side": BOTH_SIDES, "transparent": opacity != 1.0, "opacity": opacity}
+    return [painted(drawn, r << 16 | g << 8 | b, **seen)]
 
 
-def _color(rgba: Array) -> int:
-    r, g, b = (min(255, max(0, int(255 * float(x)))) for x in rgba[:3])
-    return r << 16 | g << 8 | b
+def _surface(part: Painted) -> Data:
+    """Triangles of one paint of a Collada file."""
+    shape = _points(part.faces, position=part.vertices, normal=part.normals)
+    step, (x, y, z) = part.step, part.middle
+    matrix = [step, 0, 0, 0, 0, step, 0, 0, 0, 0, step, 0, x, y, z, 1]
+    look = {"side": BOTH_SIDES, "transparent": part.paint.opacity < 1.0, **asdict(part.paint)}
+    return {**painted(shape, **look), "matrix": matrix}
+
+
+_IMAGES = {b"\x89PNG\r\n\x1a\n": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 
 
 def _textures(file: Path) -> dict[str, str]:
@@ -262,18 +299,20 @@ def base_placement(arm: Arm | Mechanism, full_q: Array | None = None) -> pin.SE3
     return pin.SE3(pin.updateFramePlacement(model, data, frame_index(model, arm.base)))
 
 
-def draw_links(node: Any, links: Links) -> tuple[str, ...]:
+def draw_links(node: SceneNode, links: Links) -> tuple[str, ...]:
     """Draw all geometry below ``node/<joint>/visual``; return what could not be drawn."""
-    if links.geometry is None:
-        return ()
     notes = []
-    for number, g in enumerate(links.geometry.geometryObjects):
+    for number, g in enumerate(links.geometry.geometryObjects if links.geometry else ()):
+        try:
+            parts = _parts(g, links.meshes.get(Path(g.meshPath)))
+        except (OSError, ValueError, ColladaProblem) as error:
+            said = " ".join(str(error).split())
+            notes.append(f"the shape {g.name!r} is not drawn: {said}")
+            continue
         # Names of the file stay out of paths.
-        here = node[f"{int(g.parentJoint)}/visual/{number}"]
-        notes.append(draw_shape(here, g, links.meshes.get(Path(g.meshPath))))
-        if not notes[-1]:
-            here.set_transform(g.placement.homogeneous @ np.diag([*g.meshScale, 1.0]))
-    return tuple(filter(None, notes))
+        place = g.placement.homogeneous @ np.diag([*g.meshScale, 1.0])
+        node[f"{int(g.parentJoint)}/visual/{number}"].draw(*parts, at=place)
+    return tuple(notes)
 
 
 ARROWS = 3
@@ -347,150 +386,110 @@ BONE = 0x9AA5B1
 DRUM = 0x5B6673
 FLOOR = 0xC9D1D9
 
-# Of closed shapes three.js draws the outside alone: each other way of painting is one more program
-# that a graphics card has to be given before the first picture.
-OUTSIDE = 0
-
 _DISC = np.linspace(0.0, 2 * np.pi, 65)
 
 
-class _Sphere(geometry.Sphere):  # type: ignore[misc]
-    """A sphere smooth enough to be stretched."""
-
-    def lower(self, object_data: Any) -> dict[str, Any]:
-        data: dict[str, Any] = super().lower(object_data)
-        return {**data, "widthSegments": 48, "heightSegments": 32}
-
-
 def draw_scene(
-    root: Any, arm: Arm | Mechanism, links: Links, size: Sizes, ends: Sequence[int]
+    root: SceneNode, arm: Arm | Mechanism, links: Links, size: Sizes, ends: Sequence[int]
 ) -> tuple[str, ...]:
-    """Draw all below meshcat's ``root``, bones to ``ends`` (frames) too; return notes."""
-    node = root["pinsing"]
+    """Draw all below a scene's ``root``, bones to ``ends`` (frames) too; return notes."""
+    node, reach = root["pinsing"], size.reach
     notes = draw_links(node["arm"], links)
-    _skeleton(node["arm"], arm, size.reach, ends)
-    _axes(node["arm"], arm, size.reach)
+    _skeleton(node["arm"], arm, reach, ends)
+    _axes(node["arm"], arm, reach)
     _ellipsoid(node["ellipsoid/translation"], TRANSLATION)
     _ellipsoid(node["ellipsoid/rotation"], ROTATION)
     for k in range(ARROWS):
-        straight_arrow(node[f"lost/{k}/arrow"], size.reach)
-        ring_arrow(node[f"lost/{k}/ring"], size.reach)
-        line = DrawnRod(4 * size.reach, 0.0012 * size.reach)
-        faint = geometry.MeshBasicMaterial(color=LOST, opacity=0.64, side=OUTSIDE)
-        node[f"lost/{k}/line"].set_object(line, faint)
-    tip = _Sphere(0.012 * size.reach)
-    node["tip"].set_object(tip, geometry.MeshPhongMaterial(color=0x111827, side=OUTSIDE))
-    _floor(node["floor"], arm, size.reach)
+        straight_arrow(node[f"lost/{k}/arrow"], reach)
+        ring_arrow(node[f"lost/{k}/ring"], reach)
+        faint = {"type": "MeshBasicMaterial", "opacity": 0.64, "transparent": True}
+        node[f"lost/{k}/line"].draw(painted(rod(4 * reach, 0.0012 * reach), LOST, **faint))
+    node["tip"].draw(painted(_ball(0.012 * reach, 48, 32), 0x111827))
+    _floor(node["floor"], arm, reach)
     return (*links.notes, *notes)
 
 
-def _ellipsoid(node: Any, color: int) -> None:
+def _ellipsoid(node: SceneNode, color: int) -> None:
     """Unit sphere with its three principal circles: they show a disc even edge on."""
-    skin = geometry.MeshPhongMaterial(color=color, opacity=0.38, transparent=True, depthWrite=False)
-    node["skin"].set_object(_Sphere(1.0), skin)
+    clear = {"side": BOTH_SIDES, "opacity": 0.38, "transparent": True, "depthWrite": False}
+    node["skin"].draw(painted(_ball(1.0, 48, 32), color, **clear))
     c, s, o = np.cos(_DISC), np.sin(_DISC), np.zeros_like(_DISC)
     darker = sum(int(0.6 * (color >> part & 255)) << part for part in (0, 8, 16))
     for name, circle in (("xy", (c, s, o)), ("yz", (o, c, s)), ("zx", (s, o, c))):
-        points = np.array(circle, dtype=np.float32)
-        material = geometry.LineBasicMaterial(color=darker, side=OUTSIDE)
-        node[name].set_object(geometry.Line(geometry.PointsGeometry(points), material))
+        node[name].draw(_lines("Line", np.transpose(circle), darker))
 
 
-def straight_arrow(node: Any, reach: float, color: int = LOST) -> None:
+def straight_arrow(node: SceneNode, reach: float, color: int = LOST) -> None:
     """Double arrow along z: translations both ways."""
-    material = geometry.MeshPhongMaterial(color=color, side=OUTSIDE)
-    half, head = 0.22 * reach, 0.045 * reach
-    node["shaft"].set_object(DrawnRod(2 * half, 0.0045 * reach), material)
-    for name, sign in (("up", 1.0), ("down", -1.0)):
-        node[name].set_object(_cone(head, 0.014 * reach, sign), material)
-        node[name].set_transform(raised(sign * (half + head / 2)))
+    half = 0.22 * reach
+    node["shaft"].draw(painted(rod(2 * half, 0.0045 * reach), color))
+    _heads(node, reach, half + 0.0225 * reach, 0.045, color)
 
 
-def ring_arrow(node: Any, reach: float, color: int = LOST) -> None:
+def _heads(node: SceneNode, reach: float, height: float, length: float, color: int) -> None:
+    """Heads of a double arrow along z, their middles at this height."""
+    sizes = length * reach, 0.014 * reach
+    for name, sign, cone in (
+        ("up", 1.0, rod(*sizes, 0.0)),
+        ("down", -1.0, rod(sizes[0], 0.0, sizes[1])),
+    ):
+        node[name].draw(painted(cone, color), at=raised(sign * height))
+
+
+def ring_arrow(node: SceneNode, reach: float, color: int = LOST) -> None:
     """Axis along z with a ring around it: rotations about it."""
-    material = geometry.MeshPhongMaterial(color=color, side=OUTSIDE)
-    node["shaft"].set_object(DrawnRod(0.34 * reach, 0.0035 * reach), material)
-    node["ring"].set_object(Torus(0.085 * reach, 0.0045 * reach), material)
+    node["shaft"].draw(painted(rod(0.34 * reach, 0.0035 * reach), color))
+    node["ring"].draw(painted(ring(0.085 * reach, 0.0045 * reach), color))
     for k in range(2):
         spin = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, np.pi * k), np.zeros(3)).homogeneous
         lie = pin.SE3(pin.rpy.rpyToMatrix(-np.pi / 2, 0.0, 0.0), np.array([0.085 * reach, 0, 0]))
-        node[f"head{k}"].set_object(_cone(0.04 * reach, 0.014 * reach, 1.0), material)
-        node[f"head{k}"].set_transform(spin @ lie.homogeneous)
+        head = painted(rod(0.04 * reach, 0.014 * reach, 0.0), color)
+        node[f"head{k}"].draw(head, at=spin @ lie.homogeneous)
 
 
-def _cone(height: float, radius: float, sign: float) -> DrawnRod:
-    top, bottom = (0.0, radius) if sign > 0 else (radius, 0.0)
-    return DrawnRod(height, radiusTop=top, radiusBottom=bottom)
-
-
-class Torus(geometry.Geometry):  # type: ignore[misc]
-    """A ring about z, metres, which three.js makes."""
-
-    def __init__(self, radius: float, tube: float) -> None:
-        super().__init__()
-        self.size = {"radius": radius, "tube": tube}
-
-    def lower(self, object_data: Any) -> dict[str, Any]:
-        """What three.js reads."""
-        segments = {"radialSegments": 12, "tubularSegments": 64}
-        return {"uuid": self.uuid, "type": "TorusGeometry", **self.size, **segments}
-
-
-def _axes(node: Any, arm: Arm | Mechanism, reach: float) -> None:
+def _axes(node: SceneNode, arm: Arm | Mechanism, reach: float) -> None:
     """Each joint axis twice: plain, and highlighted for when it is dependent."""
     for j in range(1, arm.model.njoints):
         axis, slides = joint_axis(arm.model.joints[j], arm.model.names[j])
-        turn = along(axis)
         for name, color, length, radius in (
             ("axis", AXIS, 0.15, 0.002),
             ("hot", HOT, 0.42, 0.0025),
         ):
-            material = geometry.MeshPhongMaterial(color=color, side=OUTSIDE)
             here = node[f"{j}/{name}"]
-            here.set_transform(turn)
-            here["rod"].set_object(DrawnRod(length * reach, radius * reach), material)
+            here.move(along(axis))
+            here["rod"].draw(painted(rod(length * reach, radius * reach), color))
             if slides:  # heads tell a sliding direction from a turning axis
-                for side, sign in (("up", 1.0), ("down", -1.0)):
-                    here[side].set_object(_cone(0.04 * reach, 0.014 * reach, sign), material)
-                    here[side].set_transform(raised(sign * length * reach / 2))
+                _heads(here, reach, length * reach / 2, 0.04, color)
 
 
-def _skeleton(node: Any, arm: Arm | Mechanism, reach: float, frames: Sequence[int]) -> None:
+def _skeleton(node: SceneNode, arm: Arm | Mechanism, reach: float, frames: Sequence[int]) -> None:
     """Drums at the joints, and bones from each to the next and to the frames."""
     model = arm.model
     ends = zip(*map(np.ndarray.tolist, arm.space.span), strict=True)
     ranges = dict(zip(arm.joints, ends, strict=True))
-    bone = geometry.MeshPhongMaterial(color=BONE, side=OUTSIDE)
-    drum = geometry.MeshPhongMaterial(color=DRUM, side=OUTSIDE)
     bones = [(int(model.parents[j]), model.jointPlacements[j]) for j in range(1, model.njoints)]
     last = [model.frames[i] for i in frames]
     bones += [(int(frame.parentJoint), frame.placement) for frame in last]
     for number, (parent, place) in enumerate(bones):
         length = float(np.linalg.norm(place.translation))
         if length > 1e-3 * reach:
-            here = node[f"{parent}/bone/link{number}"]
-            here.set_object(DrawnRod(length, 0.018 * reach), bone)
-            here.set_transform(along(place.translation / length, place.translation / 2))
+            bone = painted(rod(length, 0.018 * reach), BONE)
+            middle = along(place.translation / length, place.translation / 2)
+            node[f"{parent}/bone/link{number}"].draw(bone, at=middle)
+    side = 0.05 * reach
     for j in range(1, model.njoints):
         axis, slides = joint_axis(model.joints[j], model.names[j])
-        here = node[f"{j}/bone/drum"]
-        side = 0.05 * reach
-        shape = (
-            geometry.Box([side, side, 2 * side])
-            if slides
-            else DrawnRod(0.075 * reach, 0.03 * reach)
-        )
-        here.set_object(shape, drum)
-        here.set_transform(along(axis))
+        drum = _box(side, side, 2 * side) if slides else rod(0.075 * reach, 0.03 * reach)
+        node[f"{j}/bone/drum"].draw(painted(drum, DRUM), at=along(axis))
         if slides:  # the rail that it runs on stays with the link before
             lower, upper = ranges.get(model.names[j], (0.0, 0.0))
-            start = model.jointPlacements[j]
-            rail = node[f"{int(model.parents[j])}/bone/rail{j}"]
-            rail.set_object(DrawnRod(max(upper - lower, side), 0.012 * reach), bone)
-            rail.set_transform(start.homogeneous @ along(axis, axis * (upper + lower) / 2))
+            middle = along(axis, axis * (upper + lower) / 2)
+            rail = painted(rod(max(upper - lower, side), 0.012 * reach), BONE)
+            here = node[f"{int(model.parents[j])}/bone/rail{j}"]
+            here.draw(rail, at=model.jointPlacements[j].homogeneous @ middle)
 
 
-def _floor(node: Any, arm: Arm | Mechanism, reach: float) -> None:
+def _floor(node: SceneNode, arm: Arm | Mechanism, reach: float) -> None:
     """A square grid under the base, or under the feet of the robot that carries the arm."""
     half = 10
     step = float(f"{2.4 * reach / half:.1g}")
@@ -499,10 +498,8 @@ def _floor(node: Any, arm: Arm | Mechanism, reach: float) -> None:
         for k in range(-half, half + 1)
         for end in ([k, -half, 0], [k, half, 0], [-half, k, 0], [half, k, 0])
     ]
-    points = (step * np.array(lines, dtype=np.float32)).T
-    material = geometry.LineBasicMaterial(color=FLOOR, side=OUTSIDE)
-    node.set_object(geometry.LineSegments(geometry.PointsGeometry(points), material))
-    node.set_transform(floor_placement(arm))
+    grid = _lines("LineSegments", step * np.array(lines), FLOOR)
+    node.draw(grid, at=floor_placement(arm))
 
 
 def floor_placement(arm: Arm | Mechanism) -> Array:
@@ -546,12 +543,16 @@ class Overlay:
         self._arm, self._size = arm, size
         self._display = getattr(visualizer, "display", None)
         self._model = getattr(visualizer, "model", None)
-        draw_scene(root, arm, Links(None), size, [arm.tip_id])
-        self._node = root["pinsing"]
-        self._node.set_transform(base_placement(arm).homogeneous)
-        self._node["floor"].set_property("visible", False)
+        where = SceneNode(
+            lambda command: root.window.send(SimpleNamespace(lower=lambda: command)),
+            root.path.lower().rstrip("/"),
+        )
+        draw_scene(where, arm, Links(None), size, [arm.tip_id])
+        self._node = where["pinsing"]
+        self._node.move(base_placement(arm).homogeneous)
+        self._node["floor"].show(False)
         for j in range(arm.model.njoints):
-            self._node[f"arm/{j}/bone"].set_property("visible", self._model is None)
+            self._node[f"arm/{j}/bone"].show(self._model is None)
 
     def show(self, q: Array, mode: str) -> None:
         """Place everything as at q (n,); ``mode`` is "pure" or "all" motions."""
@@ -562,19 +563,19 @@ class Overlay:
         pin.forwardKinematics(arm.model, data, arm.model_q(q))
         for j in range(1, arm.model.njoints):
             here = node[f"arm/{j}"]
-            here.set_transform(data.oMi[j].homogeneous)
-            here["axis"].set_property("visible", arm.model.names[j] not in hot)
-            here["hot"].set_property("visible", arm.model.names[j] in hot)
+            here.move(data.oMi[j].homogeneous)
+            here["axis"].show(arm.model.names[j] not in hot)
+            here["hot"].show(arm.model.names[j] in hot)
         tip = state.tip_position
-        node["tip"].set_transform(pin.SE3(np.eye(3), tip).homogeneous)
+        node["tip"].move(pin.SE3(np.eye(3), tip).homogeneous)
         shapes: tuple[Any, ...] = (state.translational, state.rotational)
         shapes = pure_ellipsoids(state.J) if mode == "pure" else shapes
         for kind, shape in zip(("translation", "rotation"), shapes, strict=True):
             drawn = drawn_radii(shape.radii, getattr(self._size, kind), self._size.reach)
-            node[f"ellipsoid/{kind}"].set_property("visible", bool(drawn[0] > 0))
+            node[f"ellipsoid/{kind}"].show(bool(drawn[0] > 0))
             if drawn[0] > 0:
                 pose = pin.SE3(shape.axes, tip).homogeneous @ np.diag([*drawn, 1.0])
-                node[f"ellipsoid/{kind}"].set_transform(pose)
+                node[f"ellipsoid/{kind}"].move(pose)
         for k in range(ARROWS):
             lost = state.lost[k] if k < len(state.lost) else None
             close = lost is not None and (
@@ -582,9 +583,9 @@ class Overlay:
             )
             for part, kinds in SYMBOLS.items():
                 seen = lost is not None and bool(close) and lost.kind in kinds
-                node[f"lost/{k}/{part}"].set_property("visible", seen)
+                node[f"lost/{k}/{part}"].show(seen)
             if lost is not None:
-                node[f"lost/{k}"].set_transform(along(lost.direction, lost.point))
+                node[f"lost/{k}"].move(along(lost.direction, lost.point))
 
     def _move_robot(self, q: Array) -> None:
         if self._display is None or self._model is None:
@@ -595,7 +596,7 @@ class Overlay:
         elif list(model.names) == list(arm.source.full_model.names):
             full = full_configuration(arm, q)
             self._display(full)
-            self._node.set_transform(base_placement(arm, full).homogeneous)
+            self._node.move(base_placement(arm, full).homogeneous)
 
 
 def full_configuration(arm: Arm, q: Array) -> Array:

@@ -52,7 +52,7 @@ class Tab(ABC):
         self._robot, self._sizes, self._skeleton = robot, size, skeleton
         self._links = Links(None) if skeleton else read_links(robot)
         self._drawn = Recorder()
-        self._notes = draw_scene(self._drawn.visualizer(), robot, self._links, size, ends)
+        self._notes = draw_scene(self._drawn.root, robot, self._links, size, ends)
         self._host, self._port = host, port
         self._server: Server | None = None
         # The configuration (n,) that is shown, its entry and pose if it is of the list, words.
