@@ -28,11 +28,11 @@ from pinsing.algebra.conditions import Conditions, contact_along, two_sided
 from pinsing.algebra.trig_sum import COMBINED
 from pinsing.atomic_write import MEBIBYTE
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.families import ClosedForm, Family, closed_form
+from pinsing.families import ClosedForm, closed_form
 from pinsing.interface import JsonResult, checked, columns_of, encode, real_numbers
 from pinsing.kinematics.jacobian import fingerprint, frame_jacobians
 from pinsing.kinematics.tip_speed import TURN_SPEED, SpeedJudge, TipSpeeds, limits_of, speed_judge
-from pinsing.measures import ROUNDING, Array, ArrayLike, NDArray
+from pinsing.measures import ROUNDING, Array, ArrayLike
 from pinsing.prose import one_line, visible
 from pinsing.proximity.clearance import (
     NAMING,
@@ -864,65 +864,14 @@ def follow(follower: Follower, lines: Iterable[str], live: bool) -> Iterator[dic
             yield said | ({"dropped": total} if total else {})
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Guard:
-    """What goes into the file, whatever its language: see the templates."""
+    """A file, ASCII only, and what one should know of it."""
 
-    language: str  # "c" or "python"
-    prefix: str  # of its names (C)
-    arm: Arm
-    task: str
-    tolerance: float
-    change: float
-    families: tuple[tuple[str, str], ...]  # names, and in words
-    conditions: Conditions
-    margin: tuple[float, float, float, float]
+    text: str
     complete: bool  # all singular configurations count; else nothing is ever clear
     word: str  # "proven", "probable" (perhaps "of the design") or "not complete"
     notes: tuple[str, ...]  # what is missing, and what was assumed
-    zones: Zones | None
-
-    @cached_property
-    def text(self) -> str:
-        """The file, ASCII only."""
-        return _c_text(self) if self.language == "c" else _python_text(self)
-
-    @property
-    def robot(self) -> str:
-        """The robot in words."""
-        arm = self.arm
-        return f"{arm.name} ({summarize(arm).described}), {arm.base} to {arm.tip}"
-
-    @property
-    def robot_hash(self) -> str:
-        """What tells the robot from others."""
-        return f"sha256:{fingerprint(self.arm)}"
-
-    @property
-    def zone_tables(self) -> dict[str, Array]:
-        """Distances from families, and the middle and half of the joint ranges that they are of."""
-        if self.zones is None:
-            return {}
-        low, high = self.zones.lower, self.zones.upper
-        far = np.array([self.zones.distances.get(name, 0.0) for name, _ in self.families])
-        return {
-            "zone": far,
-            "zone_middle": (low + high) / 2,
-            "zone_half": (high - low) / 2 + ROUNDING,
-        }
-
-    def zones_filled(self, name: str, parts: Mapping[str, str], prefix: str = "") -> str:
-        """What the file says and does about zones; empty without them."""
-        if self.zones is None:
-            return ""
-        v, w = repr(self.zones.tip_speed), repr(self.zones.turn_speed)
-        return _filled(name, {"tip_speed": v, "turn_speed": w, **parts}, prefix)
-
-    @property
-    def zone_title(self) -> str:
-        """Where zones are of, on one line of ASCII."""
-        words = () if self.zones is None else self.zones.within
-        return _plain(f"Zones, of {', '.join(words) or 'all configurations'}.")
 
 
 def _filled(name: str, parts: Mapping[str, str], prefix: str = "") -> str:
@@ -943,60 +892,44 @@ def _plain(text: str) -> str:
 _WIDTH = 96
 
 
-def _c_text(source: Guard) -> str:
-    """The header in C99, ASCII only."""
-    c, p = source.conditions, source.prefix
-    families = [f"{name}: {text}" for name, text in source.families]
+def _c_text(f: Mapping[str, Any], c: Conditions, zones: Mapping[str, Any], p: str) -> str:
+    """The header in C99 of facts, their conditions and zones (see `_python_text`)."""
     made = [
-        f"Guard of {source.robot}; task {source.task}.",
+        f"Guard of {f['ROBOT']}; task {f['TASK']}.",
         f"Made by pinsing {__version__}; do not edit, export it again.",
-        f"Robot hash {source.robot_hash}, length scale {source.arm.length_scale:g} m.",
+        f"Robot hash {f['ROBOT_HASH']}, length scale {f['LENGTH_SCALE']:g} m.",
     ]
     notes = [
-        *(f"Note: {note}" for note in source.notes),
-        "Families:" if families else "Families: none.",
-        *(f"  {line}" for line in families),
+        *(f"Note: {note}" for note in f["NOTES"]),
+        "Families:" if f["FAMILIES"] else "Families: none.",
+        *(f"  {pair[0]}: {pair[1]}" for pair in zip(f["FAMILIES"], f["TEXTS"], strict=True)),
     ]
-    tables = {"lower_limit": source.arm.lower, "upper_limit": source.arm.upper, **c.flat}
-    tables["margin"] = np.array(source.margin)
+    tables = {"lower_limit": f["LOWER"], "upper_limit": f["UPPER"], **c.flat, "margin": f["MARGIN"]}
     tables["branch_family"] = tables.pop("family")
-    return _filled(
-        "guard.h.in",
-        {
-            "head": _comment(made),
-            "notes": " *\n" + _comment(notes),
-            "joints": str(len(source.arm.joints)),
-            "families": str(len(families)),
-            "equations": str(len(c.sums)),
-            "complete": str(int(source.complete)),
-            "word": _string(source.word),
-            "version": _string(__version__),
-            "hash": _string(source.robot_hash),
-            "tolerance": repr(source.tolerance),
-            "change": repr(source.change),
-            "combined": str(COMBINED),
-            "branches": str(len(c.branches)),
-            "name_tables": "\n".join(
-                [
-                    _strings(f"{p}_joint_name", source.arm.joints),
-                    _strings(f"{p}_family_name", [name for name, _ in source.families]),
-                    _strings(f"{p}_family_text", [text for _, text in source.families]),
-                ]
-            ),
-            "tables": "\n".join(_table(f"{p}_{name}", table) for name, table in tables.items()),
-            "zones": source.zones_filled(
-                "zones.h.in",
-                {
-                    "title": _comment([source.zone_title]),
-                    "tables": "\n".join(
-                        _table(f"{p}_{name}", table) for name, table in source.zone_tables.items()
-                    ),
-                },
-                p,
-            ),
-        },
-        p,
-    )
+    names = {"joint_name": "JOINTS", "family_name": "FAMILIES", "family_text": "TEXTS"}
+    parts = {
+        "head": _comment(made),
+        "notes": " *\n" + _comment(notes),
+        "joints": str(len(f["JOINTS"])),
+        "families": str(len(f["FAMILIES"])),
+        "equations": str(len(c.sums)),
+        "complete": str(int(f["COMPLETE"])),
+        "word": _string(f["WORD"]),
+        "version": _string(__version__),
+        "hash": _string(f["ROBOT_HASH"]),
+        "tolerance": repr(f["TOLERANCE"]),
+        "change": repr(f["JACOBIAN_CHANGE"]),
+        "combined": str(COMBINED),
+        "branches": str(len(c.branches)),
+        "name_tables": "\n".join(_strings(f"{p}_{name}", f[key]) for name, key in names.items()),
+        "tables": "\n".join(_table(f"{p}_{name}", table) for name, table in tables.items()),
+        "zones": "",
+    }
+    if zones:
+        of = {**zones, "title": _comment([zones["title"]])}
+        of["tables"] = "\n".join(_table(f"{p}_{k}", v) for k, v in zones["tables"].items())
+        parts["zones"] = _filled("zones.h.in", of, p)
+    return _filled("guard.h.in", parts, p)
 
 
 def _comment(lines: Iterable[str]) -> str:
@@ -1031,15 +964,12 @@ def _strings(name: str, values: Sequence[str]) -> str:
     return f"static const char *const {name}[] = {{\n    {body}\n}};"
 
 
-def _table(name: str, values: NDArray[Any]) -> str:
+def _table(name: str, values: ArrayLike) -> str:
     """An array of C; an empty one holds a zero."""
-    if values.dtype.kind != "f":
-        kind, words = "int", [str(int(v)) for v in values]
-    else:
-        kind = "double"
-        words = [
-            f"{'-' if v < 0 else ''}HUGE_VAL" if math.isinf(v) else repr(float(v)) for v in values
-        ]
+    array, kind = np.asarray(values), "double"
+    words = [_literal(v).replace('float("inf")', "HUGE_VAL") for v in array.tolist()]
+    if array.dtype.kind != "f":
+        kind, words = "int", [str(int(v)) for v in array]
     head, inside = f"static const {kind} {name}[] = {{", ", ".join(words or ["0"])
     if len(head) + len(inside) + 4 <= _WIDTH:
         return f"{head} {inside} }};"
@@ -1047,30 +977,8 @@ def _table(name: str, values: NDArray[Any]) -> str:
     return f"{head}\n{body}\n}};"
 
 
-def _python_text(source: Guard) -> str:
-    """The module for NumPy, ASCII only."""
-    c = source.conditions
-    constants: dict[str, Any] = {
-        "ROBOT": source.robot,
-        "TASK": source.task,
-        "LENGTH_SCALE": source.arm.length_scale,
-        "VERSION": __version__,
-        "ROBOT_HASH": source.robot_hash,
-        "RADIANS": source.arm.units is not None,
-        "JOINTS": source.arm.joints,
-        "LOWER": source.arm.lower.tolist(),
-        "UPPER": source.arm.upper.tolist(),
-        "FAMILIES": [name for name, _ in source.families],
-        "TEXTS": [text for _, text in source.families],
-        "COMPLETE": source.complete,
-        "WORD": source.word,
-        "NOTES": source.notes,
-        "TOLERANCE": source.tolerance,
-        "JACOBIAN_CHANGE": source.change,
-        "WEIGHT": c.weight.tolist(),
-        "TURN": c.turn.tolist(),
-        "MARGIN": source.margin,
-    }
+def _python_text(f: Mapping[str, Any], c: Conditions, zones: Mapping[str, Any], p: str) -> str:
+    """The module for NumPy: facts as constants, and zones, empty or with ``title``, ``tables``."""
     said = {
         "COMPLETE": "False: distances are not known of the robot, so that clearance is always 0",
         "WORD": "that FAMILIES are all is proven, probable (of the design), or not complete; NOTES",
@@ -1083,7 +991,7 @@ def _python_text(source: Guard) -> str:
         "MARGIN": "taken off distances: alone, where families meet, near is, 1: within limits",
     }
     lines = []
-    for key, value in constants.items():
+    for key, value in f.items():
         if key in said:
             lines.append(f"# {said[key]}")
         lines.append(f"{key} = {_literal(value)}")
@@ -1102,19 +1010,13 @@ def _python_text(source: Guard) -> str:
         "code": code.partition("import Array, ArrayLike\n")[2].strip(),
         "branches": _rows(branches),
         "sums": _rows(parameters),
-        "zones": source.zones_filled(
-            "zones.py.in",
-            {
-                "title": textwrap.fill(
-                    source.zone_title, _WIDTH, initial_indent="# ", subsequent_indent="# "
-                ),
-                "tables": "\n".join(
-                    f"{name.upper()} = {_literal(table.tolist())}"
-                    for name, table in source.zone_tables.items()
-                ),
-            },
-        ),
+        "zones": "",
     }
+    if zones:
+        title = textwrap.wrap(zones["title"], _WIDTH, initial_indent="# ", subsequent_indent="# ")
+        of, tables = {**zones, "title": "\n".join(title)}, zones["tables"].items()
+        of["tables"] = "\n".join(f"{k.upper()} = {_literal(v.tolist())}" for k, v in tables)
+        parts["zones"] = _filled("zones.py.in", of)
     return _filled("guard.py.in", parts)
 
 
@@ -1268,30 +1170,42 @@ def make_guard(
         whole = len(kept) == len(watched.names)
         alone = float(taken.alone.max()) if whole else taken.meeting
         margin = (alone, taken.meeting, taken.near, float(taken.limits is not None))
+    zoned: dict[str, Any] = {}
     if zones is not None:
-        zone_distances(zones, every[0].arm, arm, [name for name, _ in kept])
+        where = f"Zones, of {', '.join(zones.within) or 'all configurations'}."
+        tables = {
+            "zone": zone_distances(zones, every[0].arm, arm, [name for name, _ in kept]),
+            "zone_middle": (zones.lower + zones.upper) / 2,
+            "zone_half": (zones.upper - zones.lower) / 2 + ROUNDING,
+        }
+        zoned = {"title": _plain(where), "tables": tables}
+        zoned |= {key: repr(getattr(zones, key)) for key in ("tip_speed", "turn_speed")}
     geometries = [form.geometry or nominal(arm) for form in every]
-    return Guard(
-        language=language,
-        prefix=prefix,
-        arm=arm,
-        task=", ".join(dict.fromkeys(form.arm.task for form in every)),
-        tolerance=max(
-            (s.size for g in geometries for s in g.snaps if s.what != "length"), default=0.0
-        ),
-        change=change,
-        families=tuple((name, _text(family)) for name, family in kept),
-        conditions=Conditions.of([f.branches for _, f in kept], watched.prismatic, watched.weight),
-        margin=margin,
-        complete=complete,
-        word=word,
-        notes=tuple(notes),
-        zones=zones,
-    )
-
-
-def _text(family: Family) -> str:
-    return f"{family.title}: {family.text}" if family.title else family.text
+    conditions = Conditions.of([f.branches for _, f in kept], watched.prismatic, watched.weight)
+    snaps = [s.size for g in geometries for s in g.snaps if s.what != "length"]
+    facts: dict[str, Any] = {
+        "ROBOT": f"{arm.name} ({summarize(arm).described}), {arm.base} to {arm.tip}",
+        "TASK": ", ".join(dict.fromkeys(form.arm.task for form in every)),
+        "LENGTH_SCALE": arm.length_scale,
+        "VERSION": __version__,
+        "ROBOT_HASH": f"sha256:{fingerprint(arm)}",
+        "RADIANS": arm.units is not None,
+        "JOINTS": arm.joints,
+        "LOWER": arm.lower.tolist(),
+        "UPPER": arm.upper.tolist(),
+        "FAMILIES": [name for name, _ in kept],
+        "TEXTS": [f"{f.title}: {f.text}" if f.title else f.text for _, f in kept],
+        "COMPLETE": complete,
+        "WORD": word,
+        "NOTES": tuple(notes),
+        "TOLERANCE": max(snaps, default=0.0),
+        "JACOBIAN_CHANGE": change,
+        "WEIGHT": conditions.weight.tolist(),
+        "TURN": conditions.turn.tolist(),
+        "MARGIN": margin,
+    }
+    write = _c_text if language == "c" else _python_text
+    return Guard(write(facts, conditions, zoned, prefix), complete, word, tuple(notes))
 
 
 def _prefix(name: str) -> str:
