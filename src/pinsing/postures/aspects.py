@@ -30,7 +30,7 @@ from pinsing.measures import PRACTICAL, ROUNDING, Array, ArrayLike
 from pinsing.postures.joint_map import Map, Part, Piece, make_map, require_same_families, toward
 from pinsing.proximity.clearance import Forms, each_of, quick, watch
 from pinsing.proximity.crossings import check_times, crossings_of, least_along, motion_of
-from pinsing.proximity.trajectory import AspectChange
+from pinsing.proximity.trajectory import AspectChange, angle_text
 from pinsing.robot.arm import Arm, ArmSummary
 from pinsing.robot.nominal import nominal
 
@@ -762,18 +762,15 @@ class Connection(JsonResult):
             lines = ["undecided: no path was found, and none is ruled out"]
         else:
             sure = "on which no configuration is singular, proven"
+            clear = f"clearance of the path: at least {angle_text(self.clearance, degrees)}"
+            if math.isinf(self.clearance):
+                clear = "there is no family to keep away from"
             lines = [
                 f"same aspect: joined by a path {sure if self.proven else 'that meets no family'}",
-                f"{self._clear(degrees)}; {len(self.path)} waypoints:",
+                f"{clear}; {len(self.path)} waypoints:",
                 *(f"  {typed(q, self.arm.prismatic, degrees, digits=6)}" for q in self.path),
             ]
         return "\n".join([*lines, *(f"note: {n}" for n in notes)])
-
-    def _clear(self, degrees: bool) -> str:
-        if not np.isfinite(self.clearance):
-            return "there is no family to keep away from"
-        far = f"{np.degrees(self.clearance):.3g}°" if degrees else f"{self.clearance:.3g} rad"
-        return f"clearance of the path: at least {far}"
 
 
 @checked

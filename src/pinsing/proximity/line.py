@@ -24,10 +24,18 @@ from pinsing.kinematics.jacobian import (
 )
 from pinsing.kinematics.tip_speed import check_speeds, limits_of
 from pinsing.measures import ALIKE, FLOAT_NOISE, Array, ArrayLike
-from pinsing.prose import LISTED, listed
+from pinsing.prose import listed
 from pinsing.proximity.clearance import Forms, Watched, metric_note, require_forms_of, titled, watch
 from pinsing.proximity.crossings import Approach, Crossing, NearStretch, Passage, runs
-from pinsing.proximity.trajectory import NEAR, OUTSIDE, angle_text, singularity
+from pinsing.proximity.trajectory import (
+    NEAR,
+    OUTSIDE,
+    angle_text,
+    joint_text,
+    joint_unit,
+    section,
+    singularity,
+)
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 
 _LONGEST, _FIRST, _SHORTEST = 0.02, 1e-3, 1e-10
@@ -600,44 +608,33 @@ def _line_speeds(line: LineCheck) -> str:
 
 def line_details(line: LineCheck, degrees: bool) -> str:
     """Return the end, every meeting, approach and excess, and the other postures."""
-    q = ", ".join(
-        f"{round(math.degrees(x), 3) + 0.0:.3f}°"
-        if degrees and not slides
-        else f"{round(x, 9) + 0.0:.6g}"
-        for x, slides in zip(line.q_end, line.arm.prismatic, strict=True)
-    )
-    out = [f"end, at {line.s_end:.6g} of {line.length:.6g} m:", f"  q = {q}"]
-    out += ["meetings:"] * bool(line.crossings)
-    out += [
-        f"  {c.kind} {titled(c.family, c.title)} at {c.t:.6g} m" for c in line.crossings[:LISTED]
-    ]
-    out += ["nearest approach to each family:"] * bool(line.approaches)
-    out += [
-        f"  {titled(a.family, a.title)}: {angle_text(a.upper, degrees)}, at {a.t:.6g} m"
-        f"{OUTSIDE[a.outside]}"
-        for a in line.approaches
-    ]
-    if line.too_fast:
-        out.append(f"joint speeds above their limits at {line.speed:g} m/s:")
-    for o in line.too_fast[:LISTED]:
-        unbounded = o.allowed < ALIKE * line.speed
-        unit, factor = _unit(line, o.joint, degrees)
-        worst = "without bound" if unbounded else f"{factor * o.worst:.4g} {unit}/s"
-        allowed = "" if unbounded else f"; allowed there: {o.allowed:.4g} m/s"
-        out.append(
-            f"  {o.joint}: {worst} (limit {factor * o.limit:.4g} {unit}/s) from {o.s:.6g} to "
-            f"{o.s_end:.6g} m{allowed}"
-        )
-    out += _postures(line, degrees)
-    out += [f"note: {n}" for n in line.notes]
-    return "\n".join(out)
 
+    def excess(o: Overspeed) -> str:
+        unit, factor = joint_unit(line.arm, o.joint, degrees)
+        worst, allowed = f"{factor * o.worst:.4g} {unit}/s", f"; allowed there: {o.allowed:.4g} m/s"
+        if o.allowed < ALIKE * line.speed:
+            worst, allowed = "without bound", ""
+        limit = f"(limit {factor * o.limit:.4g} {unit}/s)"
+        return f"{o.joint}: {worst} {limit} from {o.s:.6g} to {o.s_end:.6g} m{allowed}"
 
-def _unit(line: LineCheck, joint: str, degrees: bool) -> tuple[str, float]:
-    """Unit of a joint, and what radians or metres are multiplied by."""
-    if line.arm.prismatic[line.arm.joints.index(joint)]:
-        return "m", 1.0
-    return ("deg", 180 / math.pi) if degrees else ("rad", 1.0)
+    def approach(a: Approach) -> str:
+        far = f"{angle_text(a.upper, degrees)}, at {a.t:.6g} m{OUTSIDE[a.outside]}"
+        return f"{titled(a.family, a.title)}: {far}"
+
+    def meeting(c: Crossing) -> str:
+        return f"{c.kind} {titled(c.family, c.title)} at {c.t:.6g} m"
+
+    pairs = zip(line.q_end, line.arm.prismatic, strict=True)
+    near, too_fast = line.approaches, f"joint speeds above their limits at {line.speed:g} m/s:"
+    lines = [
+        f"end, at {line.s_end:.6g} of {line.length:.6g} m:",
+        f"  q = {', '.join(joint_text(x, slides, degrees, 3) for x, slides in pairs)}",
+        *section("meetings:", line.crossings, meeting),
+        *section("nearest approach to each family:", near, approach, most=len(near)),
+        *section(too_fast, line.too_fast, excess),
+        *_postures(line, degrees),
+    ]
+    return "\n".join([*lines, *(f"note: {n}" for n in line.notes)])
 
 
 def left_limits(line: LineCheck, degrees: bool = True) -> list[str]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from functools import partial
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
@@ -28,6 +29,8 @@ from pinsing.proximity.crossings import (
 )
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 
+T = TypeVar("T")
+
 OUTSIDE = {
     "": "",
     "point": " (its nearest point is outside the joint limits)",
@@ -46,39 +49,38 @@ def summary(check: TrajectoryCheck, degrees: bool = True, file: str = "", robot:
 
 def details(check: TrajectoryCheck, degrees: bool = True) -> str:
     """Every meeting, approach and excess, the first of each kind."""
-    lines: list[str] = []
-    for said, meetings in (
-        ("meetings:", check.crossings),
-        ("this robot itself is singular, with the nearest family:", check.own_crossings),
-    ):
-        lines += [said] * bool(meetings)
-        for c in meetings[:LISTED]:
-            q = ", ".join(_joint(check, j, float(x), degrees) for j, x in enumerate(c.q))
-            met = f"{c.kind} {_title(check, c.family)}"
-            lines.append(f"  {_when(check, c.t, c.t_end)}: {met}, q = {q}")
-        lines += _more(len(meetings), check.cut)
-    if check.aspect_changes:
-        beyond = " --ignore-limits" if check.outside else ""
-        lines.append(f"changes of aspect (as `pinsing postures{beyond}` numbers them):")
-        for a in check.aspect_changes[:LISTED]:
-            before, after = _called(a.before, a.names_before), _called(a.after, a.names_after)
-            where = ", ".join(a.families)
-            lines.append(f"  {_when(check, a.t)} ({where}): from {before} to {after}")
-        lines += _more(len(check.aspect_changes), False)
-    of = " of the design" * bool(check.tube)
-    lines += [f"nearest approach to each family{of}:"] * bool(check.approaches)
-    for near in check.approaches:
-        far, least = (angle_text(x, degrees) for x in (near.upper, near.lower))
-        lines.append(
-            f"  {_title(check, near.family)}: {far} {_when(check, near.t)}, "
-            f"at least {least} ({_proven(check)}){OUTSIDE[near.outside]}"
-        )
-    if check.stretches:
-        lines.append(f"within {angle_text(check.near, degrees)}:")
-        for s in check.stretches[:LISTED]:
-            least = f"{angle_text(s.clearance, degrees)} from {_title(check, s.family)}"
-            lines.append(f"  {_when(check, s.t, s.t_end)}: at least {least}")
-        lines += _more(len(check.stretches), False)
+
+    def meeting(c: Crossing) -> str:
+        q = (joint_text(x, s, degrees) for x, s in zip(c.q, check.arm.prismatic, strict=True))
+        met = f"{c.kind} {_title(check, c.family)}"
+        return f"{_when(check, c.t, c.t_end)}: {met}, q = {', '.join(q)}"
+
+    def change(a: AspectChange) -> str:
+        sides = (a.before, a.names_before), (a.after, a.names_after)
+        before, after = (f"{k}" + f" ({', '.join(names)})" * bool(names) for k, names in sides)
+        return f"{_when(check, a.t)} ({', '.join(a.families)}): from {before} to {after}"
+
+    def approach(a: Approach) -> str:
+        far, least = (angle_text(x, degrees) for x in (a.upper, a.lower))
+        where = f"{far} {_when(check, a.t)}, at least {least} ({_proven(check)})"
+        return f"{_title(check, a.family)}: {where}{OUTSIDE[a.outside]}"
+
+    def stretch(s: NearStretch) -> str:
+        least = f"{angle_text(s.clearance, degrees)} from {_title(check, s.family)}"
+        return f"{_when(check, s.t, s.t_end)}: at least {least}"
+
+    own = "this robot itself is singular, with the nearest family:"
+    beyond = " --ignore-limits" * bool(check.outside)
+    aspects = f"changes of aspect (as `pinsing postures{beyond}` numbers them):"
+    nearest = f"nearest approach to each family{' of the design' * bool(check.tube)}:"
+    within = f"within {angle_text(check.near, degrees)}:"
+    lines = [
+        *section("meetings:", check.crossings, meeting, check.cut),
+        *section(own, check.own_crossings, meeting, check.cut),
+        *section(aspects, check.aspect_changes, change),
+        *section(nearest, check.approaches, approach, most=len(check.approaches)),
+        *section(within, check.stretches, stretch),
+    ]
     tip = f"{check.tip_speed:g} m/s and {check.turn_speed:g} rad/s of the tip"
     unbounded = ", no bound is known in between" * bool(check.tube and check.clearance == 0)
     for name, per, found in (
@@ -93,36 +95,39 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
         ("jumps between two samples", "", check.jumps),
         ("outside the joint limits", "", check.outside),
     ):
-        if found:
-            often = len({e.joint for e in found}) < len(found)
-            lines.append(f"{name}{', one line per interval' if often else ''}:")
-            lines += [f"  {_excess(check, e, per, degrees)}" for e in found[:LISTED]]
-            lines += _more(len(found), False)
+        often = ", one line per interval" * (len({e.joint for e in found}) < len(found))
+        said = partial(_excess, check, per=per, degrees=degrees)
+        lines += section(f"{name}{often}:", found, said)
     return "\n".join([*lines, *(f"note: {n}" for n in check.notes)])
 
 
-def _called(number: int | None, names: tuple[str, ...]) -> str:
-    return f"{number}" + (f" ({', '.join(names)})" if names else "")
+def section(
+    head: str, found: Sequence[T], say: Callable[[T], str], cut: bool = False, most: int = LISTED
+) -> list[str]:
+    """A heading, a line for each of the first found, and how many more; nothing for none."""
+    lines = [head, *(f"  {say(x)}" for x in found[:most])] if found else []
+    if len(found) > most:
+        lines.append(f"  and {len(found) - most} more{' and others' * cut}")
+    return lines
 
 
-def _joint(check: TrajectoryCheck, j: int, value: float, degrees: bool) -> str:
-    if degrees and not check.arm.prismatic[j]:
-        return f"{round(math.degrees(value), 2) + 0.0:.2f}°"  # no -0.00°
-    return f"{round(value, 9) + 0.0:.5g}"
+def joint_text(x: float, slides: bool, degrees: bool, places: int = 2) -> str:
+    """The value of a joint, in degrees with so many decimals, or radians or metres; no -0."""
+    if degrees and not slides:
+        return f"{round(math.degrees(x), places) + 0.0:.{places}f}°"
+    return f"{round(x, 9) + 0.0:.{places + 3}g}"
 
 
-def _more(count: int, cut: bool) -> list[str]:
-    if count <= LISTED:
-        return []
-    return [f"  and {count - LISTED} more" + (" and others" if cut else "")]
+def joint_unit(arm: ArmSummary, joint: str, degrees: bool) -> tuple[str, float]:
+    """Unit of a joint, and what radians or metres are multiplied by."""
+    if arm.prismatic[arm.joints.index(joint)]:
+        return "m", 1.0
+    return ("deg", 180 / math.pi) if degrees else ("rad", 1.0)
 
 
 def _excess(check: TrajectoryCheck, e: Excess, per: str, degrees: bool) -> str:
     """One excess, ``per`` second or second squared or as it is, in the units of its joint."""
-    slides = bool(check.arm.prismatic[check.arm.joints.index(e.joint)])
-    unit, factor = ("m", 1.0) if slides else ("rad", 1.0)
-    if degrees and not slides:
-        unit, factor = "deg", 180 / math.pi
+    unit, factor = joint_unit(check.arm, e.joint, degrees)
     worst, limit = (
         f"{factor * x:{',.0f' if factor * x >= 9999.5 else '.4g'}} {unit}{per}"
         if math.isfinite(x)
