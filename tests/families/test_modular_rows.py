@@ -10,8 +10,9 @@ from flint import nmod_mat
 from tiers import tiered
 
 import pinsing
-from pinsing.families.slices import ModularRows, joints_that_matter, short_everywhere
-from pinsing.robot.nominal import jacobian_modulo, nominal
+from pinsing.algebra.mimic import own_jacobian_modulo
+from pinsing.families.slices import ModularChain, joints_that_matter
+from pinsing.robot.nominal import nominal
 
 TASKS = [
     ("ur5", "vx,vy,vz,wz"), ("stanford", "position"), ("kinova", "tool-axis"),
@@ -24,7 +25,7 @@ TASKS = [
 def test_all_singular_points_of_a_slice_are_met_and_no_others(robot, task, chosen):
     arm, prime = pinsing.load(robot, task=task), 23
     geometry = nominal(arm)
-    chain = ModularRows(geometry, arm.task, prime)
+    chain = ModularChain(geometry, arm.task, prime)
     x, y = chain.singular(chosen, random.Random(3))
     draw, values = random.Random(3), [chain.every(j) for j in range(arm.n)]
     at = [draw.randrange(len(v[0])) for v in values]
@@ -37,7 +38,7 @@ def test_all_singular_points_of_a_slice_are_met_and_no_others(robot, task, chose
             j: tuple(map(Fraction, p[: 1 if slides else 2]))
             for j, (p, slides) in enumerate(zip(point, arm.prismatic, strict=True))
         }
-        rows = jacobian_modulo(geometry, arm.task, prime, draw, exact)
+        rows = own_jacobian_modulo(geometry, arm.task, prime, draw, exact)
         flat = [v for row in rows for v in row]
         if nmod_mat(len(rows), arm.n, flat, prime).rank() < len(rows):
             expected.add(tuple(p[0] for p in point) + tuple(p[1] for p in point))
@@ -46,13 +47,13 @@ def test_all_singular_points_of_a_slice_are_met_and_no_others(robot, task, chose
 
 def test_slices_with_singular_points_and_lengths_that_are_zero():
     arm = pinsing.load("ur5", task="vx,vy,vz,wz")
-    chain = ModularRows(nominal(arm), arm.task, 19)
+    chain = ModularChain(nominal(arm), arm.task, 19)
     draw = random.Random(1)
     assert sum(chain.singular((2, 3, 4), draw)[0].shape[1] for _ in range(3))
     arm = planar((0.19, 0.3), "vx,vy")
     geometry = nominal(arm)
-    assert short_everywhere(ModularRows(geometry, arm.task, 19), geometry, arm.task)
-    assert not short_everywhere(ModularRows(geometry, arm.task, 23), geometry, arm.task)
+    assert ModularChain(geometry, arm.task, 19).short_everywhere()
+    assert not ModularChain(geometry, arm.task, 23).short_everywhere()
 
 
 @pytest.mark.parametrize(

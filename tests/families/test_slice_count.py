@@ -50,7 +50,7 @@ def kept(panda):
 def test_all_singular_points_of_a_slice_are_met_and_no_others(kept, field, prime, chosen):
     if len(chosen) == 3 and prime > 23:
         chosen = chosen[:2]
-    chain = ModularChain(kept.maker.geometry, prime)
+    chain = ModularChain(kept.maker.geometry, kept.task, prime)
     x, y = chain.singular(chosen, random.Random(3))
     draw, values = random.Random(3), [chain.every(j) for j in range(7)]
     at = [draw.randrange(len(v[0])) for v in values]
@@ -101,7 +101,7 @@ def test_what_is_missing_is_a_gap_and_what_is_not_is_evidence(panda, kept, monke
 def test_a_field_in_which_minus_one_is_a_square(kept, field):
     """Where x^2 + y^2 is zero there is no angle: such points are left out."""
     prime, chosen = 13, (1, 5)
-    chain = ModularChain(kept.maker.geometry, prime)
+    chain = ModularChain(kept.maker.geometry, kept.task, prime)
     assert all(((x * x + y * y) % prime != 0).all() for x, y in map(chain.every, range(7)))
     x, y = chain.singular(chosen, random.Random(3))
     assert x.shape[1]
@@ -175,7 +175,7 @@ def test_values_that_are_the_same_over_one_field_alone_stay_apart():
     small, large = (Component({0: v}, (), True, 1) for v in ((0, 1), (1, 0)))
     known = [small, large]
     nothing = np.zeros((2, 20), dtype=np.int64)
-    points = [slices.SlicePoints(p, 1, nothing.T, nothing, nothing) for p in (7, 11)]
+    points = [slices.SlicePoints(p, 1, nothing.T, np.stack([nothing] * 2)) for p in (7, 11)]
     every, some, none = [True] * 20, [True] * 10 + [False] * 10, [False] * 20
     for second in (none, some):  # ten points are too few to tell
         told = Told(small={7: every, 11: second}, large={7: every, 11: every})

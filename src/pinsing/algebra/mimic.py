@@ -24,7 +24,6 @@ from pinsing.robot.nominal import (
     Snap,
     Vector,
     jacobian_at,
-    jacobian_modulo,
     turned,
 )
 from pinsing.robot.surd import Exact, cosine, residue, sine
@@ -116,11 +115,9 @@ def own_jacobian_modulo(
     draw: random.Random,
     values: Mapping[int, Sequence[Exact]],
 ) -> list[Vector]:
-    """Return ``jacobian_modulo`` with one column for each of the arm's own joints."""
-    # It is the sum of a joint's and its followers' columns, by the chain rule; these move with it,
-    # by de Moivre's formula.
-    if geometry.arm.coupling is None:
-        return jacobian_modulo(geometry, task, p, draw, values)
+    """Return the task Jacobian modulo a prime, a column for each of the arm's own joints."""
+    # Joints at no value, (x, y) or (metres,), are at random ones. A column is the sum of a joint's
+    # and its followers', by the chain rule; these move with it, by de Moivre's formula.
     driven = drives(geometry)[0]
     own = own_rows(geometry)
     at: list[Vector] = []
@@ -134,15 +131,13 @@ def own_jacobian_modulo(
         _followed(d, at[d.leader], slides, p)
         for d, slides in zip(driven, geometry.prismatic, strict=True)
     ]
-    rows = jacobian_at(geometry, task, p, motions)
     factors = [residue(d.multiple, p) for d in driven]
-    return [
-        [
-            sum(f * x for f, x, d in zip(factors, row, driven, strict=True) if d.leader == a) % p
-            for a in range(len(own))
-        ]
-        for row in rows
-    ]
+    out: list[Vector] = []
+    for row in jacobian_at(geometry, task, p, motions):
+        out.append([0] * len(own))
+        for factor, x, d in zip(factors, row, driven, strict=True):
+            out[-1][d.leader] = (out[-1][d.leader] + factor * x) % p
+    return out
 
 
 def _followed(drive: Drive, at: Sequence[int], slides: bool, p: int) -> Motion:

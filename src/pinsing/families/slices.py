@@ -50,122 +50,129 @@ from pinsing.algebra.components import (
 from pinsing.algebra.conditions import Branch
 from pinsing.algebra.generic_points import Residues, Undecided, slice_points
 from pinsing.algebra.jacobian_matrix import NearMinors, NotSquare, in_axes, jacobian_matrix
-from pinsing.algebra.ring import Matrix, Poly, Ring, Value
+from pinsing.algebra.mimic import own_jacobian_modulo
+from pinsing.algebra.ring import MadeOnce, Matrix, Poly, Ring, Value
 from pinsing.families.describe import PieceMaker
 from pinsing.families.proof_forms import roots_in
 from pinsing.families.zero_set import BLUNT, OwnPoints, SearchBox
 from pinsing.measures import Array, Bool, Ints, NDArray
-from pinsing.robot.nominal import PRIMES, Nominal, jacobian_modulo
+from pinsing.robot.nominal import PRIMES, Nominal
 from pinsing.robot.surd import parts_of, residue, root_modulo
 from pinsing.robot.task import Task
 
 _CHECKED = 4_000
 """Singular points of one slice that are held against the families."""
 
-Coordinates = tuple[Ints, Ints]
-"""Half-angle coordinates (x, y) of a joint; of a slider its length and 0."""
 Pairs = NDArray[np.intp]
+Frames = list[tuple[Ints, Ints]]
+"""Turns (N, 3, 3) of frames, and where they are (N, 3)."""
 
 
 class ModularChain:
-    """A chain modulo a prime."""
+    """A chain modulo a prime, each of whose joints moves on its own, and independent rows.
 
-    def __init__(self, geometry: Nominal, prime: int) -> None:
-        self.p, self.slides = prime, geometry.prismatic
+    Points are half-angle coordinates x and y of each joint, of a slider its length and 0.
+    """
+
+    def __init__(self, geometry: Nominal, task: Task, prime: int) -> None:
+        self.p, self.task, self.slides = prime, task, geometry.prismatic
         self.n = len(geometry.prismatic)
-        self.turn = [
-            np.array([[residue(v, prime) for v in row] for row in R]) for R in geometry.rotation
-        ]
-        self.shift = [np.array([residue(v, prime) for v in t]) for t in geometry.translation]
+        exact = np.vectorize(lambda x: residue(x, prime), otypes=[np.int64])
+        self._turns, self._shifts = exact(geometry.rotation), exact(geometry.translation)
+        self._turns[-1] = self._turns[-1] @ exact(geometry.tip_rotation) % prime
+        self._inverse = np.array([0, *(pow(v, -1, prime) for v in range(1, prime))])
 
-    def singular(self, chosen: Sequence[int], draw: random.Random) -> tuple[Ints, Ints]:
-        """Return singular points (x, y), each (n, N), the other joints at random values."""
+    def singular(self, chosen: Sequence[int], draw: random.Random) -> Ints:
+        """Return singular points (2, n, N), the other joints at random values."""
         # A sample of them where there are very many.
-        half = len(chosen) // 2
-        middle = chosen[half]
         values = [self.every(j) for j in range(self.n)]
-        at: list[Coordinates] = []
-        for j in range(self.n):
-            pick = draw.randrange(len(values[j][0]))
-            at.append((values[j][0][pick : pick + 1], values[j][1][pick : pick + 1]))
-        near, far = list(at), list(at)
-        for some, side in ((chosen[:half], near), (chosen[half:], far)):
-            grid = np.meshgrid(*(np.arange(len(values[j][0])) for j in some), indexing="ij")
-            for j, index in zip(some, grid, strict=True):
-                side[j] = values[j][0][index.ravel()], values[j][1][index.ravel()]
-        pairs = self._met(middle, near, far)
+        point = np.stack([v[:, draw.randrange(v.shape[1])] for v in values], axis=1)
+        half = len(chosen) // 2
+        near, far = self.grid(point, chosen[:half]), self.grid(point, chosen[half:])
+        pairs = self._met(chosen[half], near, far)
         if len(pairs) > _CHECKED:
             pairs = pairs[sorted(draw.sample(range(len(pairs)), _CHECKED))]
-        x, y = (np.zeros((self.n, len(pairs)), dtype=np.int64) for _ in range(2))
-        for j in range(self.n):
-            side, index = (near, pairs[:, 0]) if j in chosen[:half] else (far, pairs[:, 1])
-            for out, v in zip((x, y), side[j], strict=True):
-                out[j] = v[index] if len(v) > 1 else v[0]
-        return x, y
+        out, some = far[..., pairs[:, 1]], list(chosen[:half])
+        out[:, some] = near[:, some][..., pairs[:, 0]]
+        return out
 
-    def every(self, j: int) -> Coordinates:
-        """All values of a joint: half-angle coordinates (x, y), or lengths x."""
+    def short_everywhere(self) -> bool:
+        """Return True if the rank is short on some random slices: the prime divides a length."""
+        draw, middle = random.Random(SECOND_SEED), self.n // 2
+        # That all points of so many are singular by chance is unlikely.
+        found = (self.singular([middle], draw).shape[2] for _ in range(12))
+        return all(count == self.every(middle).shape[1] for count in found)
+
+    def every(self, j: int) -> Ints:
+        """All values (2, N) of a joint."""
         t = np.arange(self.p, dtype=np.int64)
         if self.slides[j]:
-            return t, np.zeros_like(t)
+            return np.stack([t, np.zeros_like(t)])
         t = t[(t * t + 1) % self.p != 0]  # no angle is where x^2 + y^2 is zero
-        return np.append(np.ones_like(t), 0), np.append(t, 1)
+        return np.stack([np.append(np.ones_like(t), 0), np.append(t, 1)])
 
-    def _motion(self, j: int, at: Coordinates) -> tuple[Ints, Ints]:
-        """Rotations (N, 3, 3) and shifts (N, 3) of a joint."""
-        x, y = at
-        R = np.zeros((len(x), 3, 3), dtype=np.int64)
-        t = np.zeros((len(x), 3), dtype=np.int64)
-        R[:, 2, 2] = 1
-        if self.slides[j]:
-            R[:, 0, 0] = R[:, 1, 1] = 1
-            t[:, 2] = x
-            return R, t
-        over = np.array([pow(int(v), -1, self.p) for v in (x * x + y * y) % self.p])
-        c, s = (x * x - y * y) * over % self.p, 2 * x * y * over % self.p
-        R[:, 0, 0], R[:, 0, 1], R[:, 1, 0], R[:, 1, 1] = c, -s, s, c
-        return R % self.p, t
+    def grid(self, point: Ints, joints: Sequence[int]) -> Ints:
+        """Points (2, n, N): some joints at all of their values, the others as at one (2, n)."""
+        values = [self.every(j) for j in joints]
+        sizes = [v.shape[1] for v in values]
+        count = math.prod(sizes)
+        out = np.repeat(point[..., None], count, axis=2)
+        for j, v, index in zip(joints, values, np.indices(sizes).reshape(-1, count), strict=True):
+            out[:, j] = v[:, index]
+        return out
 
-    def _screw(self, j: int, w: Ints, o: Ints) -> Ints:
-        """Screws (N, 6) of joint j, its axis along w (N, 3) through o (N, 3)."""
-        if self.slides[j]:
-            return np.concatenate([w, np.zeros_like(w)], axis=1)
-        return np.concatenate([np.cross(o, w), w], axis=1) % self.p
+    def _frames(self, joints: range, at: Ints, turn: Ints, place: Ints) -> Frames:
+        """The frame of the first joint, as given, and that behind the motion of each."""
+        R, o = np.repeat(turn[None], at.shape[2], axis=0), np.repeat(place[None], at.shape[2], 0)
+        found = [(R, o)]
+        for j in joints:
+            x, y = at[:, j]
+            if self.slides[j]:
+                o = o + R[:, :, 2] * x[:, None]
+            else:
+                over = self._inverse[(x * x + y * y) % self.p]
+                c, s = ((x * x - y * y) * over)[:, None], (2 * x * y * over)[:, None]
+                first, second = R[:, :, 0] * c + R[:, :, 1] * s, R[:, :, 1] * c - R[:, :, 0] * s
+                R = np.stack([first, second, R[:, :, 2]], axis=2) % self.p
+            o = (o + R @ self._shifts[j + 1]) % self.p
+            R = R @ self._turns[j + 1] % self.p
+            found.append((R, o))
+        return found
 
-    def _met(self, middle: int, near: Sequence[Coordinates], far: Sequence[Coordinates]) -> Pairs:
+    def _screws(self, joints: range, frames: Frames) -> Ints:
+        """Screws (N, k, 6) of joints in their frames."""
+        out = np.zeros((len(frames[0][0]), len(joints), 6), dtype=np.int64)
+        for k, j in enumerate(joints):
+            R, o = frames[k]
+            w = R[:, :, 2]
+            out[:, k, :3] = w if self.slides[j] else np.cross(o, w)
+            out[:, k, 3:] = 0 if self.slides[j] else w
+        return out % self.p
+
+    def _met(self, middle: int, near: Ints, far: Ints) -> Pairs:
         """Indices (k, 2) of the values of the two sides that are singular together."""
-        return self._pairs(self._near(middle, near)[0], self._far(middle, far)[0])
+        # All in the middle joint's frame before its motion: its axis stands still there, and counts
+        # on the side where it costs least.
+        pose = self.task.name == "pose"
+        own = middle + 1 if pose else middle
+        frames = self._frames(range(middle), near, self._turns[0], self._shifts[0])
+        base, place = frames[-1]
+        back = np.swapaxes(base, 1, 2)
+        seen = [
+            (back @ R % self.p, (back @ (o - place)[..., None])[..., 0] % self.p) for R, o in frames
+        ]
+        before = self._screws(range(own), seen)
+        eye = np.eye(3, dtype=np.int64)
+        frames = self._frames(range(middle, self.n), far, eye, 0 * eye[0])
+        behind = self._screws(range(own, self.n), frames[own - middle :])
+        return (
+            self._by_wrenches(before, behind)
+            if pose
+            else self._by_rows(before, behind, base, *frames[-1])
+        )
 
-    def _near(self, middle: int, at: Sequence[Coordinates]) -> tuple[Ints, Ints]:
-        """Return screws (N, k, 6) of joints up to the middle one in its frame, and its turn."""
-        p = self.p
-        R, o = np.eye(3, dtype=np.int64)[None], np.zeros((1, 3), dtype=np.int64)
-        screws = [self._screw(middle, R[:, 2], o)]
-        for j in range(middle - 1, -1, -1):
-            # The middle frame, seen from joint j's.
-            R, o = self.turn[j + 1] @ R % p, (o @ self.turn[j + 1].T + self.shift[j + 1]) % p
-            M, t = self._motion(j, at[j])
-            R, o = M @ R % p, ((M @ o[:, :, None])[:, :, 0] + t) % p
-            # Joint j's axis, seen from the middle frame: R^T z through -R^T o.
-            screws.append(self._screw(j, R[:, 2], -np.einsum("nij,ni->nj", R, o) % p))
-        return _stacked(screws), R
-
-    def _far(self, middle: int, at: Sequence[Coordinates]) -> tuple[Ints, Ints, Ints]:
-        """Return screws (N, k, 6) behind the middle joint in its frame, last turn, and place."""
-        p = self.p
-        R, o = np.eye(3, dtype=np.int64)[None], np.zeros((1, 3), dtype=np.int64)
-        screws = []
-        for j in range(middle + 1, self.n):
-            M, t = self._motion(j - 1, at[j - 1])
-            o = ((R @ t[:, :, None])[:, :, 0] + o) % p
-            R = R @ M % p
-            o = (R @ self.shift[j] + o) % p
-            R = R @ self.turn[j] % p
-            screws.append(self._screw(j, R[:, :, 2], o))
-        return _stacked(screws), R, o
-
-    def _pairs(self, near: Ints, far: Ints) -> Pairs:
-        """Indices (k, 2) of the two sides where all screws together have no rank 6."""
+    def _by_wrenches(self, near: Ints, far: Ints) -> Pairs:
+        """See ``_met``: where all screws together have no rank 6."""
         p = self.p
         wrenches: dict[int, tuple[list[int], list[Any]]] = {}
         for i, screws in enumerate(near.tolist()):
@@ -177,50 +184,72 @@ class ModularChain:
                 found.append(rows)
         k, kept = far.shape[1], np.arange(len(far))
         if k >= 6:  # most of them leave no wrench over by themselves
-            kept = np.flatnonzero(short(far.transpose(2, 1, 0).astype(np.int16), p))
+            kept = np.flatnonzero(self._short(far.transpose(2, 1, 0).astype(np.int16)))
             far = far[kept]
-        if not len(far):
-            return np.zeros((0, 2), dtype=np.intp)
         columns = far.reshape(-1, 6).T.astype(np.float32)  # sums of six products are exact
-        out = []
+        out = [np.zeros((0, 2), dtype=np.intp)]
         for count, (index, found) in wrenches.items():
             # Numbers in one product of matrices.
-            step = max(1, 4_000_000 // (count * columns.shape[1]))
+            step = max(1, 4_000_000 // max(1, count * columns.shape[1]))
             for first in range(0, len(index), step):
                 some = np.array(found[first : first + step], dtype=np.float32)
                 work = (some.reshape(-1, 6) @ columns).astype(np.int16) % np.int16(p)
                 work = work.reshape(len(some), count, len(far), k).transpose(1, 3, 0, 2)
-                a, b = np.nonzero(short(work, p))
+                a, b = np.nonzero(self._short(work))
                 out.append(np.stack([np.array(index)[first + a], kept[b]], axis=1))
-        return np.concatenate(out) if out else np.zeros((0, 2), dtype=np.intp)
+        return np.concatenate(out)
 
+    def _by_rows(self, near: Ints, far: Ints, base: Ints, tip_turn: Ints, tip: Ints) -> Pairs:
+        """See ``_met``: the base's axes are the rows of one turn, the tip's the columns of one."""
+        axes, left = np.swapaxes(tip_turn, 1, 2), np.arange(len(far))
+        if not in_axes(self.task, False):  # then rows are the same whatever the near side does
+            left = left[self._short(self._columns(axes, axes, tip, far))]
+        out = [np.zeros((0, 2), dtype=np.intp)]
+        # Pairs of values of the two sides whose columns are made at once.
+        step = max(1, 100_000 // max(1, len(near)))
+        for first in range(0, len(left), step):
+            some = left[first : first + step]
+            i, k = (a.ravel() for a in np.meshgrid(np.arange(len(near)), some, indexing="ij"))
+            screws = np.concatenate([near[i], far[k]], axis=1)
+            singular = self._short(self._columns(base[i], axes[k], tip[k], screws))
+            out.append(np.stack([i[singular], k[singular]], axis=1))
+        return np.concatenate(out)
 
-def _stacked(screws: Sequence[Ints]) -> Ints:
-    if not screws:
-        return np.zeros((1, 0, 6), dtype=np.int64)
-    count = max(len(s) for s in screws)
-    return np.stack([np.broadcast_to(s, (count, 6)) for s in screws], axis=1)
+    def _columns(self, base: Ints, tip_axes: Ints, tip: Ints, screws: Ints) -> NDArray[np.int16]:
+        """Rows of the Jacobian (rows, columns, N): sums of six products are exact in floats."""
+        rows = []
+        whole = np.broadcast_to(np.eye(3, dtype=np.int64), base.shape)
+        for r, at_tip in zip(self.task.rows, self.task.tip_rows, strict=True):
+            triple = set(range(r - r % 3, r - r % 3 + 3))
+            # All three directions span the same in any axes.
+            axes = whole if triple <= set(self.task.rows) else tip_axes if at_tip else base
+            along = axes[:, r % 3]
+            # along . (v + w x tip) = along . v + (tip x along) . w
+            both = (along, np.cross(tip, along) % self.p) if r < 3 else (0 * along, along)
+            rows.append(np.concatenate(both, axis=1))
+        L = np.stack(rows, axis=1).astype(np.float32)
+        J = L @ screws.astype(np.float32).transpose(0, 2, 1)
+        return np.asarray((J % self.p).astype(np.int16).transpose(1, 2, 0))
 
-
-def short(A: NDArray[np.int16], p: int) -> Bool:
-    """Return where matrices (m, k, ...) have a rank below m modulo a prime."""
-    if len(A) == 1:
-        return np.asarray(~A[0].any(axis=0))
-    inverse = np.array([0] + [pow(v, -1, p) for v in range(1, p)], dtype=np.int16)
-    A = A.copy()
-    rank = np.zeros(A.shape[2:], dtype=np.int64)
-    left = np.ones((len(A), *A.shape[2:]), dtype=bool)
-    for j in range(A.shape[1]):
-        usable = (A[:, j] != 0) & left
-        pivot = usable.argmax(axis=0)
-        has = usable.any(axis=0)
-        row = np.take_along_axis(A, pivot[None, None], axis=0)[0]
-        over = np.where(has, inverse[row[j]], np.int16(0))
-        left &= ~((np.arange(len(A)).reshape(-1, *[1] * rank.ndim) == pivot) & has)
-        factor = np.where(left, A[:, j] * over % np.int16(p), np.int16(0))
-        A[:, j + 1 :] = (A[:, j + 1 :] - factor[:, None] * row[None, j + 1 :]) % np.int16(p)
-        rank += has
-    return np.asarray(rank < len(A))
+    def _short(self, A: NDArray[np.int16]) -> Bool:
+        """Return where matrices (m, k, ...) have a rank below m."""
+        if len(A) == 1:
+            return np.asarray(~A[0].any(axis=0))
+        inverse, p = self._inverse.astype(np.int16), np.int16(self.p)
+        A = A.copy()
+        rank = np.zeros(A.shape[2:], dtype=np.int64)
+        left = np.ones((len(A), *A.shape[2:]), dtype=bool)
+        for j in range(A.shape[1]):
+            usable = (A[:, j] != 0) & left
+            pivot = usable.argmax(axis=0)
+            has = usable.any(axis=0)
+            row = np.take_along_axis(A, pivot[None, None], axis=0)[0]
+            over = np.where(has, inverse[row[j]], np.int16(0))
+            left &= ~((np.arange(len(A)).reshape(-1, *[1] * rank.ndim) == pivot) & has)
+            factor = np.where(left, A[:, j] * over % p, np.int16(0))
+            A[:, j + 1 :] = (A[:, j + 1 :] - factor[:, None] * row[None, j + 1 :]) % p
+            rank += has
+        return np.asarray(rank < len(A))
 
 
 def value_modulo(value: Value, prime: int) -> tuple[int, ...]:
@@ -232,11 +261,11 @@ def value_modulo(value: Value, prime: int) -> tuple[int, ...]:
     return (whole[0] * pow(bottom, -1, prime) % prime,) if bottom % prime else ()
 
 
-def at_value(x: Ints, y: Ints, value: tuple[int, ...], prime: int) -> Bool:
-    """Return which coordinates (N,) of a joint are at a value of it in the field."""
+def at_value(at: Ints, value: tuple[int, ...], prime: int) -> Bool:
+    """Return which coordinates (2, N) of a joint are at a value of it in the field."""
     if not value:
-        return np.zeros(x.shape, dtype=bool)
-    away = x - value[0] if len(value) == 1 else x * value[1] - y * value[0]
+        return np.zeros(at.shape[1], dtype=bool)
+    away = at[0] - value[0] if len(value) == 1 else at[0] * value[1] - at[1] * value[0]
     return np.asarray(away % prime == 0)
 
 
@@ -251,16 +280,16 @@ class ModularSet:
             (j, k) for j in range(len(ring.prismatic)) for k in range(len(ring.variables(j)))
         ]
 
-    def holds(self, x: Ints, y: Ints) -> Bool:
-        """Return which of some points (n, N) lie on it."""
-        on = np.ones(x.shape[1], dtype=bool)
+    def holds(self, points: Ints) -> Bool:
+        """Return which of some points (2, n, N) lie on it."""
+        on = np.ones(points.shape[2], dtype=bool)
         for j, v in self.values.items():
-            on &= at_value(x[j], y[j], v, self.p)
+            on &= at_value(points[:, j], v, self.p)
         for relation in self.relations:
             left = np.flatnonzero(on)
             if not len(left):
                 break
-            at = np.array([(x, y)[k][j][left] for j, k in self.variables])
+            at = np.array([points[k, j, left] for j, k in self.variables])
             on[left] = relation.value(at) == 0
         return on
 
@@ -323,94 +352,6 @@ def _residues(poly: Poly, ring: Ring, prime: int) -> dict[tuple[int, ...], int]:
     return found or {(0,) * ring.nvars: 1}
 
 
-class ModularRows(ModularChain):
-    """A chain, each of whose joints moves on its own, and as many Jacobian rows as their rank."""
-
-    def __init__(self, geometry: Nominal, task: Task, prime: int) -> None:
-        super().__init__(geometry, prime)
-        self.task = task
-        self._with_base = bool(in_axes(task, False))
-        self._tip_turn = np.array(
-            [[residue(v, prime) for v in row] for row in geometry.tip_rotation]
-        )
-
-    def _met(self, middle: int, near: Sequence[Coordinates], far: Sequence[Coordinates]) -> Pairs:
-        p = self.p
-        before, R = self._near(middle, near)
-        base = self.turn[0] @ R % p  # its rows are the base's axes, seen from the middle
-        behind, tip_axes, tip = self._far_side(middle, far)
-        # The middle joint's own axis stands still in its frame: it counts on the far side.
-        still = np.broadcast_to(before[:, :1][:1], (len(behind), 1, 6))
-        before, behind = before[:, 1:], np.concatenate([still, behind], axis=1)
-        left = np.arange(len(behind))
-        if not self._with_base:
-            L = self._rows(base[:1], tip_axes, tip)
-            left = left[short(self._columns(L, behind), p)]
-        out = []
-        # Pairs of values of the two sides whose columns are made at once.
-        step = max(1, 100_000 // max(1, len(before)))
-        for first in range(0, len(left), step):
-            some = left[first : first + step]
-            i, k = (a.ravel() for a in np.meshgrid(np.arange(len(before)), some, indexing="ij"))
-            L = self._rows(base[i if len(base) > 1 else np.zeros_like(i)], tip_axes[k], tip[k])
-            singular = short(self._columns(L, np.concatenate([before[i], behind[k]], axis=1)), p)
-            out.append(np.stack([i[singular], k[singular]], axis=1))
-        return np.concatenate(out) if out else np.zeros((0, 2), dtype=np.intp)
-
-    def _far_side(self, middle: int, far: Sequence[Coordinates]) -> tuple[Ints, Ints, Ints]:
-        """Screws behind the middle joint, axes of the tip as rows, and where it is."""
-        p = self.p
-        behind, R, o = self._far(middle, far)
-        M, t = self._motion(self.n - 1, far[self.n - 1])
-        o = ((R @ t[:, :, None])[:, :, 0] + o) % p
-        R = R @ M % p
-        o = (R @ self.shift[self.n] + o) % p
-        R = R @ self.turn[self.n] % p @ self._tip_turn % p
-        count = max(len(behind), len(R), len(o))
-        axes = np.broadcast_to(R, (count, 3, 3)).transpose(0, 2, 1)
-        return np.broadcast_to(behind, (count, *behind.shape[1:])), axes, _as_many(o, count)
-
-    def _rows(self, base: Ints, tip_axes: Ints, tip: Ints) -> Ints:
-        """What screws (v, w) are multiplied with (N, rows, 6), in the middle joint's frame."""
-        count = max(len(base), len(tip))
-        whole = np.eye(3, dtype=np.int64)[None]  # all three directions span the same in any axes
-        out = []
-        for r, at_tip in zip(self.task.rows, self.task.tip_rows, strict=True):
-            triple = set(range(r - r % 3, r - r % 3 + 3))
-            axes = whole if triple <= set(self.task.rows) else tip_axes if at_tip else base
-            along = _as_many(axes[:, r % 3], count)
-            both = np.zeros_like(along), along
-            if r < 3:  # along . (v + w x tip) = along . v + (tip x along) . w
-                both = along, np.cross(_as_many(tip, count), along) % self.p
-            out.append(np.concatenate(both, axis=1))
-        return np.stack(out, axis=1)
-
-    def _columns(self, rows: Ints, screws: Ints) -> NDArray[np.int16]:
-        """Rows of the Jacobian (rows, columns, N): sums of six products are exact in floats."""
-        J = rows.astype(np.float32) @ screws.astype(np.float32).transpose(0, 2, 1)
-        return np.asarray((J % self.p).astype(np.int16).transpose(1, 2, 0))
-
-
-def _as_many(a: Ints, count: int) -> Ints:
-    return np.broadcast_to(a, (count, *a.shape[1:]))
-
-
-def short_everywhere(chain: ModularChain, geometry: Nominal, task: Task) -> bool:
-    """Return True if the rank is short at all random points: the prime divides a length."""
-    draw, rows = random.Random(SECOND_SEED), len(task.rows)
-    # At which all of a chain is looked at: that each is singular by chance is 1 in 1e10.
-    for _ in range(12):
-        at: dict[int, tuple[Fraction, ...]] = {}
-        for j, slides in enumerate(geometry.prismatic):
-            x, y = chain.every(j)
-            k = draw.randrange(len(x))
-            at[j] = (Fraction(int(x[k])),) if slides else (Fraction(int(x[k])), Fraction(int(y[k])))
-        flat = [v for row in jacobian_modulo(geometry, task, chain.p, draw, at) for v in row]
-        if nmod_mat(rows, len(geometry.prismatic), flat, chain.p).rank() == rows:
-            return False
-    return True
-
-
 def joints_that_matter(geometry: Nominal, task: Task) -> tuple[int, ...]:
     """Return joints on which the rows' rank depends: not those that turn all axes alike."""
     # These leave each minor as it is, up to one sign; decided at random points modulo a prime.
@@ -425,7 +366,7 @@ def joints_that_matter(geometry: Nominal, task: Task) -> tuple[int, ...]:
 
     def volume(values: Mapping[int, Sequence[Fraction]]) -> int:
         """A sum of all minors, each with a factor of its own, up to its sign."""
-        rows = jacobian_modulo(geometry, task, prime, draw, values)
+        rows = own_jacobian_modulo(geometry, task, prime, draw, values)
         flat = [x for row in rows for x in row]
         size = int((nmod_mat(len(rows), n, flat, prime) * mixing).det())
         return min(size, prime - size)
@@ -435,9 +376,7 @@ def joints_that_matter(geometry: Nominal, task: Task) -> tuple[int, ...]:
     for _ in range(3):
         at = {j: drawn(j) for j in range(n)}
         here = volume(at)
-        for j in range(n):
-            if j not in matter and volume({**at, j: drawn(j)}) != here:
-                matter.add(j)
+        matter |= {j for j in range(n) if volume({**at, j: drawn(j)}) != here}
     return tuple(sorted(matter))
 
 
@@ -531,14 +470,12 @@ class SlicePoints:
     prime: int
     slices: int  # how many there were
     chosen: Ints  # (N, k): the joints that vary on the slice of each point
-    # x and y: (n, N): the points, in half-angle coordinates; of a slider its length and 0
-    x: Ints
-    y: Ints
+    q: Ints  # (2, n, N): the points
+    on: MadeOnce = field(default_factory=MadeOnce)  # which of them lie on components asked for
 
-    def at(self, points: Bool | Sequence[int]) -> SlicePoints:
+    def at(self, points: Bool) -> SlicePoints:
         """Some of the points."""
-        some = self.chosen[points], self.x[:, points], self.y[:, points]
-        return SlicePoints(self.prime, self.slices, *some)
+        return SlicePoints(self.prime, self.slices, self.chosen[points], self.q[..., points])
 
     def __len__(self) -> int:
         return len(self.chosen)
@@ -557,9 +494,7 @@ class Slices:
         self.choices = list(combinations(inner, self.joints))
         self._draw.shuffle(self.choices)
         self._chains: dict[int, ModularChain] = {}
-        # What was made of components, which are kept, so that their ids stay their own.
-        self._sets: dict[tuple[int, int], tuple[Component, ModularSet]] = {}
-        self._held: dict[tuple[int, int], tuple[SlicePoints, Bool]] = {}
+        self._sets = defaultdict[int, MadeOnce](MadeOnce)
 
     @property
     def fields(self) -> tuple[int, ...]:
@@ -582,26 +517,20 @@ class Slices:
         """Return points of one slice for each choice of joints, as many as there is time for."""
         # ValueError if the prime divides a denominator of the chain, or a length its rank needs.
         if prime not in self._chains:
-            pose = self.task.name == "pose"
-            chain = (
-                ModularChain(self.geometry, prime)
-                if pose
-                else ModularRows(self.geometry, self.task, prime)
-            )
-            if short_everywhere(chain, self.geometry, self.task):
+            chain = ModularChain(self.geometry, self.task, prime)
+            if chain.short_everywhere():
                 raise ValueError(f"modulo {prime} all configurations are singular")
             self._chains[prime] = chain
-        nothing = np.zeros((len(self.geometry.prismatic), 0), dtype=np.int64)
-        found = [(np.zeros((0, self.joints), dtype=np.int64), nothing, nothing)]
-        for chosen in self.choices:
+        chosen = [np.zeros((0, self.joints), dtype=np.int64)]
+        found = [np.zeros((2, len(self.geometry.prismatic), 0), dtype=np.int64)]
+        for some in self.choices:
             # Work that each point of a slice is asked with, in products of terms.
-            if time.stop(3.0 * prime ** len(chosen)):
+            if time.stop(3.0 * prime ** len(some)):
                 break
-            x, y = self._chains[prime].singular(chosen, self._draw)
-            found.append((np.tile(chosen, (x.shape[1], 1)), x, y))
-        of, *sides = zip(*found, strict=True)
-        x, y = (np.concatenate(side, axis=1) for side in sides)
-        return SlicePoints(prime, len(found) - 1, np.concatenate(of), x, y)
+            found.append(self._chains[prime].singular(some, self._draw))
+            chosen.append(np.tile(some, (found[-1].shape[2], 1)))
+        every = np.concatenate(chosen), np.concatenate(found, axis=2)
+        return SlicePoints(prime, len(found) - 1, *every)
 
     def left(self, points: SlicePoints, components: Sequence[Component]) -> SlicePoints:
         """Those of some points that lie on none of some components."""
@@ -614,24 +543,14 @@ class Slices:
 
     def held(self, points: SlicePoints, component: Component) -> Bool:
         """Return which points lie on a component, computed once."""
-        key = id(points), id(component)
-        if key not in self._held:
-            holds = self._modular(component, points.prime).holds(points.x, points.y)
-            self._held[key] = points, holds
-        return self._held[key][1]
+        holds = self._modular(component, points.prime).holds
+        return points.on.of(component, lambda _: holds(points.q))  # type: ignore[no-any-return]
 
     def regular_too(self, on: SlicePoints, component: Component) -> bool:
         """Return True if a component has points on a slice, some singular, that are regular."""
-        chain = self._chains[on.prime]
-        x, y = (np.repeat(a[:, :1], 1, axis=1) for a in (on.x, on.y))
-        for j in on.chosen[0]:
-            every = chain.every(j)
-            count = len(every[0])
-            x, y = (np.repeat(a, count, axis=1) for a in (x, y))
-            for a, values in zip((x, y), every, strict=True):
-                a[j] = np.tile(values, a.shape[1] // count)
+        every = self._chains[on.prime].grid(on.q[..., 0], on.chosen[0])
         singular = self.held(on, component).sum()
-        return bool(self._modular(component, on.prime).holds(x, y).sum() > singular)
+        return bool(self._modular(component, on.prime).holds(every).sum() > singular)
 
     def without_parts(
         self,
@@ -678,10 +597,8 @@ class Slices:
         )
 
     def _modular(self, component: Component, prime: int) -> ModularSet:
-        key = (id(component), prime)
-        if key not in self._sets:
-            self._sets[key] = component, ModularSet(component, self.ring, prime)
-        return self._sets[key][1]
+        known = self._sets[prime]
+        return known.of(component, lambda c: ModularSet(c, self.ring, prime))  # type: ignore[no-any-return]
 
 
 def _has_roots(geometry: Nominal, prime: int) -> bool:
@@ -980,7 +897,7 @@ class SliceSearch:
             some = off.at((off.chosen == j).any(axis=1))
             here = Counter(
                 {
-                    (j, v): int(at_value(some.x[j], some.y[j], value_modulo(v, p), p).sum())
+                    (j, v): int(at_value(some.q[:, j], value_modulo(v, p), p).sum())
                     for p in [off.prime]
                     for v in values
                 }

@@ -20,7 +20,7 @@ from __future__ import annotations
 import itertools
 import math
 import random
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
@@ -669,30 +669,11 @@ def _rank(geometry: Nominal, task: Task, p: int, draw: random.Random) -> int:
     # With flint, 40 ms to import, only where a rank is asked for that floats cannot show.
     from flint import nmod_mat
 
-    rows = jacobian_modulo(geometry, task, p, draw)
+    drawn = [(slides, draw.randrange(1, p)) for slides in geometry.prismatic]
+    motions = [(x,) if slides else turned(1, x, p) for slides, x in drawn]
+    rows = jacobian_at(geometry, task, p, motions)
     flat = [x for row in rows for x in row]
     return int(nmod_mat(len(rows), len(geometry.prismatic), flat, p).rank())
-
-
-def jacobian_modulo(
-    geometry: Nominal,
-    task: Task,
-    p: int,
-    draw: random.Random,
-    values: Mapping[int, Sequence[Exact]] | None = None,
-) -> list[Vector]:
-    """Return the task Jacobian modulo a prime at a random configuration; no mimic joints."""
-    # ``values`` of joints that stand still: (x, y), the angle 2 atan2(y, x), or (metres,).
-    values = values or {}
-    motions: list[Motion] = []
-    for j, slides in enumerate(geometry.prismatic):
-        at = [residue(x, p) for x in values[j]] if j in values else None
-        if slides:
-            motions.append((draw.randrange(1, p) if at is None else at[0],))
-        else:
-            x, y = (1, draw.randrange(1, p)) if at is None else at
-            motions.append(turned(x, y, p))
-    return jacobian_at(geometry, task, p, motions)
 
 
 def turned(x: int, y: int, p: int) -> Motion:
@@ -704,7 +685,8 @@ def turned(x: int, y: int, p: int) -> Motion:
 def jacobian_at(geometry: Nominal, task: Task, p: int, motions: Sequence[Motion]) -> list[Vector]:
     """Return the task Jacobian modulo a prime, where joints have (cos, sin) or (metres,)."""
     exact = np.vectorize(lambda x: residue(x, p), otypes=[object])
-    turns, steps = exact(geometry.rotation), exact(geometry.translation)
+    numbers = geometry.rotation, geometry.translation, geometry.tip_rotation
+    turns, steps, tip_turn = geometry.arm.once(f"chain modulo {p}", lambda: [*map(exact, numbers)])
     base = np.eye(3, dtype=object)
     R, o, axes = base, base[0] - base[0], []
     for slides, motion, C, c in zip(geometry.prismatic, motions, turns, steps, strict=False):
@@ -722,7 +704,7 @@ def jacobian_at(geometry: Nominal, task: Task, p: int, motions: Sequence[Motion]
         moved = [z[1] * w - z[2] * y, z[2] * x - z[0] * w, z[0] * y - z[1] * x, *z]
         columns.append([*z, 0, 0, 0] if slides else moved)
     J = np.array(columns, dtype=object).T.reshape(2, 3, -1)  # translations, then rotations
-    tip = (R @ exact(geometry.tip_rotation)).T
+    tip = (R @ tip_turn).T
     return [
         ((tip if at_tip else base)[r % 3] @ J[r // 3] % p).tolist()
         for r, at_tip in zip(task.rows, task.tip_rows, strict=True)
