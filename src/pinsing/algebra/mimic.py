@@ -133,10 +133,10 @@ def own_jacobian_modulo(
     ]
     factors = [residue(d.multiple, p) for d in driven]
     out: list[Vector] = []
-    for row in jacobian_at(geometry, task, p, motions):
+    for line in jacobian_at(geometry, task, p, motions):
         out.append([0] * len(own))
-        for factor, x, d in zip(factors, row, driven, strict=True):
-            out[-1][d.leader] = (out[-1][d.leader] + factor * x) % p
+        for factor, x, drive in zip(factors, line, driven, strict=True):
+            out[-1][drive.leader] = (out[-1][drive.leader] + factor * x) % p
     return out
 
 

@@ -26,7 +26,7 @@ import heapq
 import itertools
 import math
 import random
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ import numpy as np
 from flint import nmod_mat, nmod_poly
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.algebra.components import Component, FoundComponents, inside
+from pinsing.algebra.components import Component, by_size, inside
 from pinsing.algebra.conditions import Branch
 from pinsing.algebra.generic_points import Residues
 from pinsing.algebra.jacobian_matrix import NearMinors, NotSquare
@@ -89,7 +89,7 @@ class ModularPoints:
     def __init__(self, geometry: Nominal, task: Task, ring: Ring, seed: int) -> None:
         self.geometry, self.task, self.ring = geometry, task, ring
         self._draw = random.Random(seed)
-        self._lines = MadeOnce()
+        self._parts = defaultdict[int, MadeOnce](MadeOnce)
         self._residues = [Residues(ring, prime) for prime in PRIMES]
 
     def points(
@@ -145,24 +145,19 @@ class ModularPoints:
 
     def _roots(self, poly: Poly, joint: int, at: At, residues: Residues) -> list[tuple[int, ...]]:
         """Values of one joint at which a polynomial vanishes, the others being given."""
-        own, prime = self.ring.variables(joint), residues.prime
-        by_joint = self._lines.of(poly, lambda _: {})
-        if joint not in by_joint:
-            by_joint[joint] = coefficients_by(poly, own)
-        point = [0] * self.ring.nvars
-        for j, known in at.items():
-            for v, value in zip(self.ring.variables(j), known, strict=True):
-                point[v] = value
-        parts = by_joint[joint]
+        prime, joints = residues.prime, range(len(self.ring.prismatic))
+        parts = self._parts[joint].of(
+            poly, lambda p: coefficients_by(p, self.ring.variables(joint))
+        )
+        point = [x for j in joints for x in at.get(j, (0,) * len(self.ring.variables(j)))]
         line = [0] * (1 + max(map(sum, parts)))
         for powers, c in parts.items():
             line[powers[-1]] = int(residues.of(c)(*point))
         if not any(line):
             return []  # whatever the joint does: a point of a larger part
         roots = [int(r) for r, _ in nmod_poly(line, prime).roots()]
-        if self.ring.prismatic[joint]:
-            values: list[tuple[int, ...]] = [(r,) for r in roots]
-        else:
+        values: list[tuple[int, ...]] = [(r,) for r in roots]
+        if not self.ring.prismatic[joint]:
             values = [(1, r) for r in roots if (r * r + 1) % prime]
             values += [(0, 1)] if line[-1] == 0 else []
         self._draw.shuffle(values)
@@ -192,40 +187,31 @@ class RealPoints:
 
     maker: PieceMaker
     q: Array
-    rank: int
 
     def __len__(self) -> int:
         return len(self.q)
 
     def full(self, columns: Sequence[int]) -> Bool:
         """At which of them (N,) some columns of the Jacobian, as many as the rank, have it."""
-        sizes = np.linalg.svd(
-            task_jacobians(self.maker.geometry.arm, self.q)[..., list(columns)], compute_uv=False
-        )
-        return np.asarray(sizes[:, self.rank - 1] / np.maximum(sizes[:, 0], 1e-300) >= 1e-5)
+        J = task_jacobians(self.maker.geometry.arm, self.q)[..., list(columns)]
+        sizes = np.linalg.svd(J, compute_uv=False)
+        return np.asarray(sizes[:, len(columns) - 1] / np.maximum(sizes[:, 0], 1e-300) >= 1e-5)
 
     def on(self, component: Component) -> bool:
         """Return True if all lie on a component."""
         return bool((self.maker.off(self.q, component.values, component.relations) < _ON).all())
 
 
-@dataclass(frozen=True, eq=False)
-class PrimePoints:
+class PrimePoints(list[ModularPoint]):
     """Points modulo primes, exactly."""
-
-    points: Sequence[ModularPoint]
-    rank: int
-
-    def __len__(self) -> int:
-        return len(self.points)
 
     def full(self, columns: Sequence[int]) -> Bool:
         """See ``RealPoints``."""
-        return np.array([p.rank(columns) == self.rank for p in self.points], dtype=bool)
+        return np.array([p.rank(columns) == len(columns) for p in self], dtype=bool)
 
     def on(self, component: Component) -> bool:
         """See ``RealPoints``."""
-        return all(p.on(component) for p in self.points)
+        return all(p.on(component) for p in self)
 
 
 MetPoints: TypeAlias = RealPoints | PrimePoints
@@ -352,8 +338,7 @@ class LongChain:
         self.components: list[Component] = []
         self.unseen: list[Component] = []
         self._minors = NearMinors(geometry, ring, task, rank, time)
-        self._found = FoundComponents(ring, lambda c: None)
-        self._points: list[MetPoints] = []
+        self._found: list[tuple[Component, MetPoints]] = []
         self._exact = ModularPoints(geometry, task, ring, _SEED)
         self._later: list[tuple[Places, Relations]] = []
         self._draw = random.Random(_SEED)
@@ -372,14 +357,14 @@ class LongChain:
     def _by_real_points(self) -> None:
         """Judge the first of the systems that were left for later."""
         place, relations = self._later.pop(0)
-        if self._found.covers(place, relations):
+        if self._covered(place, relations):
             return
         try:
             self._judge_real(place, relations, (), 0)
         except BudgetExceeded:
             self.open_ends["too_long"] += 1
             return
-        if self.time.over and not self._found.covers(place, relations):
+        if self.time.over and not self._covered(place, relations):
             self._later.append((place, relations))  # points were looked for but shortly
 
     @contextmanager
@@ -398,7 +383,7 @@ class LongChain:
         """Search at all places that wait."""
         while self._waiting and not self.time.stop():
             _, _, place = heapq.heappop(self._waiting)
-            if self._found.covers(place):
+            if self._covered(place):
                 continue
             self.open_ends["places"] += 1
             try:
@@ -431,7 +416,7 @@ class LongChain:
         """All sets at a place that the equations of neighbours tell."""
         J = self._columns(place)
         if rank(J, range(self.n)) < self.rank:
-            self._add(place, (), len(place), PrimePoints((), self.rank))
+            self._add(place, (), len(place), PrimePoints())
             return
         start = max(0, (self.n - self.rank + 1) // 2)
         outward = (*range(start, self.n), *range(start - 1, -1, -1))
@@ -511,7 +496,7 @@ class LongChain:
         if key in self._combined or len(place) + len(relations) > self.limit:
             return
         self._combined.add(key)
-        if self._found.covers(place, relations):
+        if self._covered(place, relations):
             return
         self.time.check()
         points = self._exact.points(place, relations, 6, self.time)
@@ -521,18 +506,13 @@ class LongChain:
         if not points:
             self._later.append((place, relations))
             return
-        of_part = [p for p in points if all(p.is_zero(m) for m in more)]
-        singular = [p for p in of_part if p.rank(range(self.n)) < self.rank]
-        regular = [p for p in of_part if p not in singular]
+        singular, regular = PrimePoints(), PrimePoints()
+        for point in points:
+            if all(map(point.is_zero, more)):
+                (singular if point.rank(range(self.n)) < self.rank else regular).append(point)
         if not more and not singular:
             self._later.append((place, relations))
-        self._told(
-            place,
-            (relations, more),
-            PrimePoints(singular, self.rank),
-            PrimePoints(regular, self.rank),
-            rounds,
-        )
+        self._told(place, relations, more, singular, regular, rounds)
 
     def _judge_real(
         self, place: Places, relations: Relations, more: Relations, rounds: int
@@ -555,28 +535,22 @@ class LongChain:
             return
         if len(singular) and (len(regular) or more):
             # What is singular may be smaller than the rest: then it is found inside.
-            branch = self.maker.branch_of(place, every)
             # Singular points at which the size of a set is asked.
             some = singular[:: max(1, len(singular) // 10)]
             singular = some[[self.n - freedom(branch, q) <= codimension for q in some]]
-        self._told(
-            place,
-            (relations, more),
-            RealPoints(self.maker, singular, self.rank),
-            RealPoints(self.maker, regular, self.rank),
-            rounds,
-        )
+        met = RealPoints(self.maker, singular), RealPoints(self.maker, regular)
+        self._told(place, relations, more, *met, rounds)
 
     def _told(
         self,
         place: Places,
-        equations: tuple[Relations, Relations],
+        relations: Relations,
+        more: Relations,
         singular: MetPoints,
         regular: MetPoints,
         rounds: int,
     ) -> None:
         """Go on with what points of equations, and of more of them, tell."""
-        relations, more = equations
         every = tuple(sorted((*relations, *more), key=len))
         codimension = len(place) + len(relations)
         if len(regular) and codimension < self.limit and not more:
@@ -633,18 +607,21 @@ class LongChain:
 
     # What was found -------------------------------------------------------------------
 
+    def _covered(self, place: Places, relations: Relations = ()) -> bool:
+        """Return True if a set is part of a component, as far as substitution and division tell."""
+        here = Component(place, relations, False, len(place) + len(relations))
+        return any(inside(here, c, self.ring) for c, _ in self._found)
+
     def _add(
         self, place: Places, relations: Relations, codimension: int, points: MetPoints
     ) -> None:
-        self._found.add(place, relations, False, codimension)
-        self._points.append(points)
+        found = Component(dict(place), tuple(sorted(relations, key=len)), False, codimension)
+        self._found.append((found, points))
 
     def _irredundant(self) -> list[Component]:
         """Those that do not lie in others, larger ones first."""
-        every = list(zip(self._found.all, self._points, strict=True))
-        every.sort(key=lambda e: (e[0].codimension, len(e[0].relations)))
         kept: list[Component] = []
-        for c, points in every:
+        for c, points in sorted(self._found, key=lambda found: by_size(found[0])):
             if not any(inside(c, k, self.ring) or (len(points) and points.on(k)) for k in kept):
                 kept.append(c)
         return kept
