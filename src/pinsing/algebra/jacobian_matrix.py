@@ -217,13 +217,8 @@ def _simple(k: int, sign: int) -> Rotation:
 Row = list[Poly]
 
 
-@dataclass(frozen=True)
-class RigidMotion:
-    """Rigid motion with a common denominator: rotation R / d and position p / d."""
-
-    R: Matrix
-    p: list[Poly]
-    d: Poly
+Pose = tuple[Matrix, Row, Poly]
+"""Rigid motion with a common denominator: rotation R / d and position p / d, then d."""
 
 
 class _Chain:
@@ -235,7 +230,7 @@ class _Chain:
         self.ring, self.geometry, self.time = ring, geometry, time
         self.n = len(geometry.prismatic)
         self.drives, _ = drives(geometry)
-        self.placed, self.moved = functools.cache(self._placed), functools.cache(self._moved)
+        self.pose = functools.cache(self._pose)
         if leaders is not None:
             self.drives = tuple(replace(d, leader=leaders[d.leader]) for d in self.drives)
 
@@ -257,24 +252,23 @@ class _Chain:
         turned = ((1, 2), (2, 0), (0, 1))
         return [self.ring.reduce(self.of(a[i], b[j]) - self.of(a[j], b[i])) for i, j in turned]
 
-    def _placed(self, i: int) -> RigidMotion:
-        """Constant placement C_i."""
-        number = self.ring.number
-        R = [[number(x) for x in row] for row in self.geometry.rotation[i]]
-        lengths: Sequence[Any] = self.geometry.translation[i]  # or polynomials, of symbols
-        known = [number(x) if isinstance(x, Fraction) else x for x in lengths]
-        return RigidMotion(R, known, self.ring.one)
-
-    def _moved(self, j: int) -> RigidMotion:
-        """Motion M_j of joint j of the chain."""
-        one, zero = self.ring.one, self.ring.zero
-        gens, number = self.ring.context.gens(), self.ring.number
-        drive = self.drives[j]
+    def _pose(self, k: int, moves: bool, back: bool = False) -> Pose:
+        """Constant placement C_k, or motion M_k of joint k of the chain if it ``moves``."""
+        number, one, zero = self.ring.number, self.ring.one, self.ring.zero
+        if back:  # what shifts has a denominator of one
+            R, p, d = self.pose(k, moves)
+            R = [list(column) for column in zip(*R, strict=True)]
+            return R, [-self.dot(row, p) for row in R], d
+        if not moves:
+            lengths: Sequence[Any] = self.geometry.translation[k]  # or polynomials, of symbols
+            known = [number(x) if isinstance(x, Fraction) else x for x in lengths]
+            return [[number(x) for x in row] for row in self.geometry.rotation[k]], known, one
+        gens, drive = self.ring.context.gens(), self.drives[k]
         v = self.ring.variables(drive.leader)
-        if self.geometry.prismatic[j]:
+        if self.geometry.prismatic[k]:
             eye = [[one if a == b else zero for b in range(3)] for a in range(3)]
             along = gens[v[0]] * number(drive.multiple) + number(drive.shift)
-            return RigidMotion(eye, [zero, zero, along], one)
+            return eye, [zero, zero, along], one
         c, s, w = one, zero, one
         if drive.multiple:  # one that stands still may have a leader of any kind
             x, y = gens[v[0]], gens[v[1]]
@@ -284,16 +278,25 @@ class _Chain:
                 c, s, w = c * once[0] - s * once[1], c * once[1] + s * once[0], w * once[2]
         a, b = (number(value) for value in drive.turn)
         c, s = self.ring.reduce(c * a - s * b), self.ring.reduce(c * b + s * a)
-        return RigidMotion([[c, -s, zero], [s, c, zero], [zero, zero, w]], [zero, zero, zero], w)
+        return [[c, -s, zero], [s, c, zero], [zero, zero, w]], [zero] * 3, w
+
+    def poses(self, j: int, middle: int, still: bool = False) -> Iterator[Pose]:
+        """Lead from the frame of joint j to that of ``middle`` before its motion, one by one."""
+        for k in range(j - 1, middle - 1, -1):
+            yield self.pose(k + 1, False)
+            yield self.pose(k, True)
+        for k in range(j, middle):
+            if k > j or still:
+                yield self.pose(k, True, True)
+            yield self.pose(k + 1, False, True)
 
     def tip(self, middle: int) -> tuple[list[Poly], Poly]:
         """The tip's position in the frame of joint ``middle`` before its motion, over a scale."""
         p, scale = [self.ring.zero] * 3, self.ring.one
-        for k in range(self.n - 1, middle - 1, -1):
-            for pose in (self.placed(k + 1), self.moved(k)):
-                moved = zip(pose.R, pose.p, strict=True)
-                p = [self.dot(row, p) + self.ring.reduce(self.of(x, scale)) for row, x in moved]
-                scale = self.of(scale, pose.d)
+        for R, shift, d in self.poses(self.n, middle):
+            moved = zip(R, shift, strict=True)
+            p = [self.dot(row, p) + self.ring.reduce(self.of(x, scale)) for row, x in moved]
+            scale = self.of(scale, d)
         return p, scale
 
     def screw(self, j: int, middle: int) -> tuple[list[Poly], list[Poly]]:
@@ -311,30 +314,15 @@ class _Chain:
         Up to a factor that no real angle makes zero. Carried step by step: that is two vectors to
         turn, where a pose has three columns and a position. It moves with joint j, or is ``still``.
         """
-        for k in range(j - 1, middle - 1, -1):
-            for pose in (self.placed(k + 1), self.moved(k)):
-                v, w = ([self.dot(row, x) for row in pose.R] for x in (v, w))
-                v = self._shifted(v, pose.p, w, 1)
-        for k in range(j, middle):
-            for pose in (self.moved(k), self.placed(k + 1))[0 if k > j or still else 1 :]:
-                v = self._shifted(v, pose.p, w, -1)
-                columns = list(zip(*pose.R, strict=True))
-                v, w = ([self.dot(column, x) for column in columns] for x in (v, w))
+        for R, p, _ in self.poses(j, middle, still):
+            v, w = ([self.dot(row, x) for row in R] for x in (v, w))
+            if any(p) and any(w):  # motions here turn or shift, so that p is over one
+                v = [a + b for a, b in zip(v, self.cross(p, w), strict=True)]
         return v, w
-
-    def _shifted(self, v: list[Poly], p: list[Poly], w: list[Poly], sign: int) -> list[Poly]:
-        """V + p x w, or v - p x w: motions here turn or shift, so that p is over one."""
-        if not any(p) or not any(w):
-            return v
-        turned = self.cross(p, w)
-        return [a + b if sign > 0 else a - b for a, b in zip(v, turned, strict=True)]
 
     def scale(self, j: int, middle: int) -> Poly:
         """What ``screw`` is over: x^2 + y^2 of each joint that turns on the way."""
-        scale = self.ring.one
-        for k in range(j + 1, middle) if j < middle else range(middle, j):
-            scale = self.of(scale, self.moved(k).d)
-        return scale
+        return functools.reduce(self.of, (d for *_, d in self.poses(j, middle)), self.ring.one)
 
     def directions(self, middle: int, task: Task) -> dict[int, Row]:
         """For each row that axes matter to, its direction, up to a factor that is never zero."""
