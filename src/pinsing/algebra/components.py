@@ -59,6 +59,7 @@ class Component:
     codimension: int  # complex codimension
 
 
+Relations = tuple[Poly, ...]
 Statement = Callable[[list[SlicePoint], list[SlicePoint]], tuple[Poly, ...]]
 """From points that are meant, and points that are not, to equations."""
 
@@ -234,16 +235,6 @@ FIRST_SEED = 7
 SECOND_SEED = 11
 
 
-@dataclass(frozen=True, eq=False)
-class Question:
-    """A system of equations at a place, whose points were judged."""
-
-    relations: tuple[Poly, ...]  # the equations
-    values: Mapping[int, Value]  # joints at values
-    minors: Minors  # of what becomes of the Jacobian there; singular means: all vanish
-    count: int  # the codimension of the equations' common zeros
-
-
 @dataclass(frozen=True)
 class RandomSteps:
     """What of an answer rests on random points of finite fields."""
@@ -266,9 +257,16 @@ def together(steps: Iterable[RandomSteps]) -> RandomSteps:
 
 
 def ask_again(
-    asked: Sequence[Question], components: Sequence[Component], ring: Ring, time: Budget
+    asked: Sequence[tuple[Relations, SearchPlace, int]],
+    components: Sequence[Component],
+    ring: Ring,
+    time: Budget,
 ) -> RandomSteps:
-    """Put all questions of a search to a second prime, and hold its components against it."""
+    """Put all questions of a search to a second prime, and hold its components against it.
+
+    Asked was which points are singular of equations, at a place, whose common zeros have a
+    codimension.
+    """
     if not asked:
         return RandomSteps(0, (), ())
     residues = Residues(ring, SECOND_PRIME)
@@ -277,11 +275,11 @@ def ask_again(
     both = RandomSteps(len(asked), (WORD_PRIME, SECOND_PRIME), (FIRST_SEED, SECOND_SEED))
     told = f"random points modulo a second prime, {SECOND_PRIME},"
     try:
-        for q in asked:
-            asked_at = q.relations, residues, rng, q.values, time.check, q.count
-            for s in slice_points(*asked_at, slices=slices):
+        for relations, place, count in asked:
+            given = relations, residues, rng, place.values, time.check, count
+            for s in slice_points(*given, slices=slices):
                 time.check()
-                singular = s.rank(q.minors.matrix) < q.minors.size
+                singular = place.singular(s)
                 if singular != on_any(components, s):
                     what = "are singular on no family" if singular else "are regular on a family"
                     return replace(both, gaps=(f"{told} {what}",))
@@ -486,9 +484,6 @@ def regular_parts(
     return parts
 
 
-Relations = tuple[Poly, ...]
-
-
 class Search:
     """Goes through the branches; ``gaps`` say what stopped it, ``asked`` what points decided."""
 
@@ -497,7 +492,7 @@ class Search:
         self.time = time
         self._found = found
         self.gaps: list[str] = []
-        self.asked: list[Question] = []
+        self.asked: list[tuple[Relations, SearchPlace, int]] = []
         self.depth = 0
         self._rng = np.random.default_rng(FIRST_SEED)
         self._residues = Residues(ring)
@@ -536,9 +531,11 @@ class Search:
         reduced = self._reduced(place)
         if reduced is None:
             return
-        if reduced.room == 0 and self._regular(reduced.minors):  # nothing else of this codimension
-            return
         minors = reduced.minors
+        if reduced.room == 0 and any(  # one regular point: nothing else of this codimension
+            self._residues.generic_rank(minors.matrix, self._rng) >= minors.size for _ in range(2)
+        ):
+            return
         common = self._common_factor(minors)
         if common is None:
             self._found.add(values, (), True)
@@ -667,7 +664,7 @@ class Search:
             return
         minors = place.minors
         singular = [s for s in points if s.rank(minors.matrix) < minors.size]
-        self.asked.append(Question(relations, place.values, place.judge.minors, count))
+        self.asked.append((relations, place, count))
         if singular:
             if len(relations) == 2:
                 self._eliminate(*relations, place, singular)
@@ -675,16 +672,7 @@ class Search:
             if missed:
                 known = [s for s in points if s not in missed]
                 state = functools.partial(self._statement, relations, minors)
-                stated = relations
-                if known:
-                    stated, slices = state(missed, known), Slices()
-                    # As few equations as the codimension, if some say the same. Their common zeros
-                    # have no parts of lower dimension: where generic points of all parts are
-                    # singular, and new, all is.
-                    for few in itertools.combinations(stated[:5], count):
-                        if self._states(few, place, slices):
-                            stated = few
-                            break
+                stated = self._fewer(state(missed, known), place, count) if known else relations
                 codimension = len(place.values) + count
                 backing = Backing(missed, known, state)
                 self._found.add(place.values, stated, False, codimension, backing)
@@ -747,52 +735,48 @@ class Search:
                     self._within((e,), place, dict([fixed]))
             elif len(h) <= len(p) + len(g) and any(s.is_zero(h) for s in singular):
                 for other in sorted((p, g), key=len):
-                    points = self._all_singular((h, other), place)
+                    points = self._all_singular(self._points((h, other), place.values), place)
                     if points and all(s.transversal((h, other)) for s in points):
                         backing = Backing(points, [])
                         self._found.add(place.values, (h, other), False, backing=backing)
                         break
 
-    def _all_singular(self, relations: Relations, place: SearchPlace) -> list[SlicePoint]:
-        """Generic points of some equations if all of these are singular, else none."""
-        points = []
-        for s in self._points(relations, place.values):  # a slice at a time, as they are asked
+    def _all_singular(self, points: Iterator[SlicePoint], place: SearchPlace) -> list[SlicePoint]:
+        """Points of some equations if all of these are singular, else none."""
+        found = []
+        for s in points:  # a slice at a time, as they are asked
             if not place.singular(s):
                 return []
-            points.append(s)
-        return points
-
-    def _regular(self, minors: Minors) -> bool:
-        """Return True if some configuration of a place is regular, shown by one modulo a prime."""
-        return any(
-            self._residues.generic_rank(minors.matrix, self._rng) >= minors.size for _ in range(2)
-        )
+            found.append(s)
+        return found
 
     def _points(
-        self, relations: Sequence[Poly], values: Mapping[int, Value], count: int | None = None
+        self,
+        relations: Sequence[Poly],
+        values: Mapping[int, Value],
+        count: int | None = None,
+        once_on: Slices | None = None,
     ) -> Iterator[SlicePoint]:
         """Generic points of the common zeros of some equations, of codimension ``count``."""
+        # Patiently on slices that others are met on, or once on some of their own.
         given = relations, self._residues, self._rng, values, self.time.check, count
-        return slice_points(*given, slices=self._slices)
+        slices = self._slices if once_on is None else once_on
+        return slice_points(*given, patient=once_on is None, slices=slices)
 
     # Statements ---------------------------------------------------------------------
 
-    def _states(self, relations: Relations, place: SearchPlace, slices: Slices) -> bool:
-        """Return True if all common zeros are singular, and none is on a known component."""
-        found = False
-        check = self.time.check
-        points = slice_points(
-            relations, self._residues, self._rng, place.values, check, patient=False, slices=slices
-        )
-        try:
-            for s in points:
-                self.time.check()
-                if not place.singular(s) or self._found.holds(s):
-                    return False
-                found = True
-        except Undecided:
-            return False
-        return found
+    def _fewer(self, stated: Relations, place: SearchPlace, count: int) -> Relations:
+        """As few equations as the codimension, if some say the same."""
+        # Their common zeros have no parts of lower dimension: where generic points of all parts are
+        # singular, and new, all is.
+        slices = Slices()
+        for few in itertools.combinations(stated[:5], count):
+            points = self._points(few, place.values, once_on=slices)
+            with contextlib.suppress(Undecided):
+                singular = self._all_singular(points, place)
+                if singular and not any(map(self._found.holds, singular)):
+                    return few
+        return stated
 
     def _statement(
         self,
@@ -850,16 +834,6 @@ _TO_ASK = 0.1
 """Share of the time for asking the second prime, however long the search took."""
 
 
-@dataclass(frozen=True)
-class Within:
-    """Joint values inside which alone is searched."""
-
-    values: Mapping[int, Value]  # of these joints; the matrix is the one there
-    limit: int  # largest codimension of what is looked for; the joints at values count
-    # what was found before: nothing that lies in one of these is looked into
-    known: Sequence[Component]
-
-
 @dataclass(frozen=True, eq=False)
 class Decomposition:
     """What a search found."""
@@ -874,13 +848,19 @@ def decompose(
     rank: int,
     ring: Ring,
     time: Budget,
-    within: Within | None = None,
+    place: tuple[Mapping[int, Value], int] | None = None,
+    known: Sequence[Component] = (),
 ) -> Decomposition:
-    """Return the components of where the rank of a matrix drops, as far as the time goes."""
+    """Return the components of where the rank of a matrix drops, as far as the time goes.
+
+    Inside a ``place`` alone, where one is given: joints at values, of which the matrix is the one
+    there, and the largest codimension of what is looked for, these included. Nothing that lies in
+    what is ``known`` is looked into.
+    """
     apart = Apart(time, time.on_clock + _TO_ASK * time.seconds)
     # A child tells what it found, in case that it is stopped.
     found = FoundComponents(ring, lambda c: apart.tell(c) if apart.child else None)
-    for c in () if within is None else within.known:
+    for c in known:
         found.add(c.values, c.relations, c.proven, c.codimension)
     search = Search(ring, time, found)
 
@@ -888,12 +868,11 @@ def decompose(
         try:
             # That it is the generic rank is confirmed below.
             minors = Minors.reduced(matrix(), rank, ring, time, generic=True)
-            if within is None:
+            if place is None:
                 search.confirm(minors, rank)
-                bound = minors.bound if minors.size > 0 and minors.matrix else 1
-                search.run(SearchPlace({}, minors, bound))
-            else:
-                search.run(SearchPlace(within.values, minors, within.limit))
+            bound = minors.bound if minors.size > 0 and minors.matrix else 1
+            values, limit = place or ({}, bound)
+            search.run(SearchPlace(values, minors, limit))
         except BudgetExceeded as reason:
             inside_of = f" among sets inside {search.depth} simultaneous equations or more"
             search.gaps.append(f"{reason}{inside_of if search.depth else ''}")

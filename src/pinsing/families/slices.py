@@ -41,7 +41,6 @@ from pinsing.algebra.components import (
     SECOND_SEED,
     Component,
     RandomSteps,
-    Within,
     decompose,
     merged,
     on_any,
@@ -951,8 +950,8 @@ class SliceSearch:
             return
         put = self.ring.putting(values)
         matrix = [[put(x) for x in row] for row in self._matrix]
-        within = Within(values, self.limit, self.components)
-        found = decompose(lambda: matrix, len(self.task.rows), self.ring, time, within)
+        given = len(self.task.rows), self.ring, time, (values, self.limit), self.components
+        found = decompose(lambda: matrix, *given)
         self.components = found.components
         self.steps.append(found.second)
 
