@@ -12,13 +12,13 @@ from tiers import tiered_rows
 import pinsing
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.conditions import Branch
-from pinsing.algebra.equation import equation
+from pinsing.algebra.equation import System, equation
 from pinsing.algebra.ring import make_ring
 from pinsing.families import closed_form, zero_set
 from pinsing.families.describe import describe
 from pinsing.families.form import families_text
 from pinsing.families.solve import ComponentSearch, joint_symbols
-from pinsing.families.zero_set import OwnPoints, SearchBox, System, project, search
+from pinsing.families.zero_set import OwnPoints, SearchBox, project, search
 from pinsing.kinematics.jacobian import generic_rank, ratios
 from pinsing.robot.arm import JointSpace
 from pinsing.robot.load import load

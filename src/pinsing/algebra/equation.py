@@ -250,30 +250,17 @@ class Equation(Memory):
 
     def __call__(self, q: ArrayLike) -> Array:
         """Value at q (..., n): (...)."""
-        phase, power = self._terms(np.asarray(q, dtype=float))
-        value = power * (self.cos * np.cos(phase) + self.sin * np.sin(phase))
-        return np.asarray(value.sum(axis=-1))
+        q = np.asarray(q, dtype=float)
+        return self._alone.values(q.reshape(-1, q.shape[-1])).reshape(q.shape[:-1])
 
     def gradient(self, q: ArrayLike) -> Array:
         """Return the derivatives by the joints at q (..., n): (..., n)."""
         q = np.asarray(q, dtype=float)
-        phase, power = self._terms(q)
-        c, s = np.cos(phase), np.sin(phase)
-        out = (power * (self.sin * c - self.cos * s)) @ (self.frequencies / 2)
-        value = self.cos * c + self.sin * s
-        for j in np.flatnonzero(self.powers.any(axis=0)):
-            exponents = self.powers.copy()
-            factor = exponents[:, j].astype(float)
-            exponents[:, j] = np.maximum(exponents[:, j] - 1, 0)
-            lowered = np.prod(q[..., None, :] ** exponents, axis=-1)
-            out[..., j] += (factor * lowered * value).sum(axis=-1)
-        return np.asarray(out)
+        return self._alone.gradients(q.reshape(-1, q.shape[-1])).reshape(q.shape)
 
-    def _terms(self, q: Array) -> tuple[Array, Array]:
-        phase = (q + self.shift) @ (self.frequencies.T / 2)
-        if not self.powers.any():
-            return phase, np.ones_like(phase)
-        return phase, np.prod(q[..., None, :] ** self.powers, axis=-1)
+    @property
+    def _alone(self) -> System:
+        return self.once("alone", lambda: System((self,), (1.0,)))
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "known": {}}
@@ -410,6 +397,66 @@ class Equation(Memory):
             text, single = moved(text, offset, size_text), False
         inner = text if single else f"({text})"
         return f"({inner}/2)" if halves else inner
+
+
+class System:
+    """Equations, each over its unit; their sines and cosines are computed once."""
+
+    def __init__(self, equations: Sequence[Equation], units: Sequence[float] = ()) -> None:
+        self.count = len(equations)
+        rows = np.concatenate([np.hstack([e.frequencies, e.powers]) for e in equations])
+        index, of = (
+            np.arange(len(rows)),
+            np.repeat(range(self.count), [len(e.cos) for e in equations]),
+        )
+        if self.count > 1:  # else its terms have angles and powers of their own
+            # np.unique does the same, slower, and imports masked arrays for it.
+            every = [tuple(row) for row in rows.tolist()]
+            number = {row: k for k, row in enumerate(sorted(set(every)))}
+            rows, index = np.array(list(number)), np.array([number[row] for row in every])
+        self._rate, self._power = rows[:, : rows.shape[1] // 2] / 2, rows[:, rows.shape[1] // 2 :]
+        self._slides = np.flatnonzero(self._power.any(axis=0))
+        self._cos, self._sin = np.zeros((2, len(rows), self.count))
+        # Links turned about their axes: each equation may count its angles from elsewhere.
+        phase = np.concatenate([e.frequencies @ e.shift / 2 for e in equations])
+        share = np.repeat(units or [e.unit for e in equations], [len(e.cos) for e in equations])
+        cos, sin = (
+            np.concatenate([getattr(e, k) for e in equations]) / share for k in ("cos", "sin")
+        )
+        c, s = np.cos(phase), np.sin(phase)
+        np.add.at(self._cos, (index, of), cos * c + sin * s)
+        np.add.at(self._sin, (index, of), sin * c - cos * s)
+        rate = self._rate[:, None, :]
+        self._slope_cos = (self._sin[:, :, None] * rate).reshape(len(rows), -1)
+        self._slope_sin = (self._cos[:, :, None] * rate).reshape(len(rows), -1)
+
+    def __len__(self) -> int:
+        return self.count
+
+    def _waves(self, q: Array, less: int = -1) -> tuple[Array, Array]:
+        """Cosines and sines (N, T) times powers, or derivatives of these by one joint."""
+        phase = q @ self._rate.T
+        c, s = np.cos(phase), np.sin(phase)
+        for j in self._slides.tolist():
+            exponent = self._power[:, j]
+            size = q[:, j, None] ** np.maximum(exponent - (j == less), 0)
+            size = size * exponent if j == less else size
+            c, s = c * size, s * size
+        return c, s
+
+    def values(self, q: Array) -> Array:
+        """Values at q (N, n): (N, k)."""
+        c, s = self._waves(q)
+        return np.asarray(c @ self._cos + s @ self._sin)
+
+    def gradients(self, q: Array) -> Array:
+        """Derivatives at q (N, n): (N, k, n)."""
+        c, s = self._waves(q)
+        out = (c @ self._slope_cos - s @ self._slope_sin).reshape(len(q), self.count, q.shape[1])
+        for j in self._slides.tolist():
+            c, s = self._waves(q, j)
+            out[:, :, j] += c @ self._cos + s @ self._sin
+        return np.asarray(out)
 
 
 def equation(poly: Poly, ring: Ring, joints: Sequence[str], offset: Array) -> Equation:

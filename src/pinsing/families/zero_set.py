@@ -23,7 +23,7 @@ from pinsing.algebra.conditions import (
     nearest_points,
     weighted_sum,
 )
-from pinsing.algebra.equation import Equation
+from pinsing.algebra.equation import Equation, System
 from pinsing.interface import JsonResult
 from pinsing.kinematics.jacobian import own_jacobians_and_derivatives, own_scale, ratios
 from pinsing.measures import FLOAT_NOISE, NOISE, ROUNDING, Array, Bool
@@ -213,57 +213,6 @@ _LEAST_DRAWN = 32
 """Random starts of a batch, at least."""
 _CHEAP = 500
 """Terms of a system up to which a first look at it is taken though the time is over."""
-
-
-class System:
-    """Equations, each over its sum of coefficients; their sines and cosines are computed once."""
-
-    def __init__(self, equations: Sequence[Equation]) -> None:
-        self._equations = tuple(equations)
-        self._sliding = any(e.powers.any() for e in equations)
-        if self._sliding:
-            return
-        # Links turned about their axes: each equation may count its angles from elsewhere.
-        angles = np.concatenate([e.frequencies for e in equations])
-        phases = np.concatenate([e.frequencies @ e.shift / 2 for e in equations])
-        cos = np.concatenate([e.cos / e.unit for e in equations])
-        sin = np.concatenate([e.sin / e.unit for e in equations])
-        of = np.repeat(np.arange(len(equations)), [len(e.cos) for e in equations])
-        if len(equations) == 1:  # its terms have angles of their own
-            unique, index = angles, np.arange(len(angles))
-        else:
-            # np.unique does the same, slower, and imports masked arrays for it.
-            rows = [tuple(row) for row in angles.tolist()]
-            number = {row: k for k, row in enumerate(sorted(set(rows)))}
-            unique = np.array(list(number)).reshape(-1, angles.shape[1])
-            index = np.array([number[row] for row in rows], dtype=np.intp)
-        self._rate = unique / 2
-        self._cos = np.zeros((len(unique), len(equations)))
-        self._sin = np.zeros((len(unique), len(equations)))
-        c, s = np.cos(phases), np.sin(phases)
-        np.add.at(self._cos, (index, of), cos * c + sin * s)
-        np.add.at(self._sin, (index, of), sin * c - cos * s)
-        rate = self._rate[:, None, :]
-        self._slope_cos = (self._sin[:, :, None] * rate).reshape(len(unique), -1)
-        self._slope_sin = (self._cos[:, :, None] * rate).reshape(len(unique), -1)
-
-    def __len__(self) -> int:
-        return len(self._equations)
-
-    def values(self, q: Array) -> Array:
-        """Values at q (N, n): (N, k)."""
-        if self._sliding:
-            return np.stack([e(q) / e.unit for e in self._equations], axis=-1)
-        phase = q @ self._rate.T
-        return np.asarray(np.cos(phase) @ self._cos + np.sin(phase) @ self._sin)
-
-    def gradients(self, q: Array) -> Array:
-        """Derivatives at q (N, n): (N, k, n)."""
-        if self._sliding:
-            return np.stack([e.gradient(q) / e.unit for e in self._equations], axis=-2)
-        phase = q @ self._rate.T
-        flat = np.cos(phase) @ self._slope_cos - np.sin(phase) @ self._slope_sin
-        return np.asarray(flat.reshape(len(q), len(self._equations), q.shape[1]))
 
 
 def system_of(equations: Sequence[Equation]) -> System:
