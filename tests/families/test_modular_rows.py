@@ -39,8 +39,7 @@ def test_all_singular_points_of_a_slice_are_met_and_no_others(robot, task, chose
             for j, (p, slides) in enumerate(zip(point, arm.prismatic, strict=True))
         }
         rows = own_jacobian_modulo(geometry, arm.task, prime, draw, exact)
-        flat = [v for row in rows for v in row]
-        if nmod_mat(len(rows), arm.n, flat, prime).rank() < len(rows):
+        if nmod_mat(len(rows), arm.n, [*itertools.chain(*rows)], prime).rank() < len(rows):
             expected.add(tuple(p[0] for p in point) + tuple(p[1] for p in point))
     assert {(*a, *b) for a, b in zip(x.T.tolist(), y.T.tolist(), strict=True)} == expected
 
