@@ -3,20 +3,28 @@
 import math
 import re
 from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
 
 _CALL = re.compile(r"(cos|sin)([²³]?)(?: (\w+)|\(\(([^()]*)\)/2\)|\(([^()]*)/2\)|\(([^()]*)\))")
 
 
-def value_of(text: str, joints: Mapping[str, float]) -> float:
-    text = _CALL.sub(lambda found: f"({_call(found, joints)!r})", text)
+def value_of(text: str, joints: Mapping[str, Any]) -> Any:
+    """Of joint values that are numbers, or arrays of the same shape."""
+    text = _CALL.sub(_call, text)
     text = re.sub(r"√(\d)", lambda found: repr(math.sqrt(int(found[1]))), text).replace("^", "**")
-    return float(eval(re.sub(r"(?<=[\w)]) (?=[\w(])", " * ", text), {}, dict(joints)))
+    return _put(re.sub(r"(?<=[\w)]) (?=[\w(])", " * ", text), joints)
 
 
-def _call(found: re.Match[str], joints: Mapping[str, float]) -> float:
+def _call(found: re.Match[str]) -> str:
     """A printed sine or cosine."""
     name, power, plain, halved, half, inner = found.groups()
-    angle = re.sub(r"(\d+) (?=q)", r"\1*", plain or halved or half or inner)
+    angle = re.sub(r"(\d+) (?=[qd])", r"\1*", plain or halved or half or inner)
     angle = re.sub(r"([\d.]+)°", lambda degrees: repr(math.radians(float(degrees[1]))), angle)
-    value = eval(angle, {}, dict(joints)) / (2 if halved or half else 1)
-    return float(getattr(math, name)(value) ** {"": 1, "²": 2, "³": 3}[power])
+    halves = "/2" if halved or half else ""
+    return f"({name}(({angle}){halves})**{ ({'': 1, '²': 2, '³': 3}[power]) })"
+
+
+def _put(text: str, joints: Mapping[str, Any]) -> Any:
+    return eval(text, {"cos": np.cos, "sin": np.sin}, dict(joints))

@@ -40,8 +40,8 @@ from pinsing.algebra.equation import (
     LATEX,
     PLAIN,
     Equation,
+    Style,
     equation,
-    latex_symbol,
     scale_to_lengths,
 )
 from pinsing.algebra.mimic import own_offsets
@@ -54,7 +54,7 @@ from pinsing.algebra.real_roots import (
     real_solutions,
 )
 from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value
-from pinsing.families.at_once import LONG, at_once, long_form, long_ones, solved_for
+from pinsing.families.at_once import LONG, at_once, long_form, long_ones, rank_of, solved_for
 from pinsing.families.family import Family, KindPart, ValueReach, values_reached
 from pinsing.families.zero_set import (
     ROUNDS,
@@ -419,104 +419,74 @@ def statement(
     latex: bool = False,
 ) -> str:
     """The condition of a family in one line."""
-    groups: dict[tuple[str, ...], list[Branch]] = {}
-    for b, key in _sums_joined(branches, latex):
-        groups.setdefault(key, []).append(b)
-    parts = []
-    for texts, members in groups.items():
-        parts += [
-            (r",\ " if latex else " and ").join(list(values) + list(texts))
-            for values in _value_texts(members, solved, symbols, prismatic, latex)
-        ]
-    return (r"\ \text{or}\ " if latex else "; or ").join(parts)
-
-
-def _sums_joined(branches: Sequence[Branch], latex: bool) -> list[tuple[Branch, tuple[str, ...]]]:
-    """Branches with their equations in words; once, where only one sum of angles differs."""
+    style = LATEX if latex else PLAIN
+    # Branches of which only one sum of angles differs are stated together.
     alike: dict[object, list[Branch]] = {}
     for b in branches:
-        sums = [e for e in b.equations if e.angle_sum is not None]
-        key: object = object()
-        if len(sums) == 1:
-            rest = tuple(e.text() for e in b.equations if e is not sums[0])
-            values = tuple((v.joint, round(v.value, 12)) for v in b.values)
-            key = (values, rest, sums[0].frequencies.tobytes())
+        rest = tuple(e.text() for e in b.equations if e.angle_sum is None)
+        sums = [e.frequencies.tobytes() for e in b.equations if e.angle_sum is not None]
+        values = tuple((v.joint, round(v.value, 12)) for v in b.values)
+        key = (values, rest, *sums) if len(sums) == 1 else object()
         alike.setdefault(key, []).append(b)
-    out = []
+    groups: dict[tuple[str, ...], list[Branch]] = {}
     for members in alike.values():
-        equations, said = members[0].equations, list[str]()
+        first, equations, said = members[0], members[0].equations, tuple[str, ...]()
         if len(members) > 1:
             one = next(e for e in equations if e.angle_sum is not None)
             angles = [e.angle_sum for b in members for e in b.equations if e.angle_sum is not None]
-            said = [one.angle_sum_text(angles, latex)]
+            said = (one.angle_sum_text(angles, latex),)
             equations = tuple(e for e in equations if e is not one)
-        out.append((members[0], (*said, *_written(equations, latex))))
-    return out
-
-
-def _written(equations: Sequence[Equation], latex: bool) -> tuple[str, ...]:
-    """Equations that hold at once: the short ones, and of several long ones how many."""
-    straight = [e for e in equations if _half_turns(e)]
-    # Joints that are each at 0 or 180 degrees, beyond which these are not listed one by one.
-    if len(straight) > 3:
-        rest = _written([e for e in equations if e not in straight], latex)
-        return (_each_straight(straight, latex), *rest)
-    long = long_ones(equations)
-    if len(long) < 2:
-        return tuple(_write(e, latex, len(equations) == 1) for e in equations)
-    names = [long[0].joints[j] for j in sorted({j for e in long for j in e.involved})]
-    sizes = sorted(len(e.cos) for e in long)
-    size = f"{sizes[0]} to {sizes[-1]}" if sizes[0] < sizes[-1] else f"{sizes[0]}"
-    if latex:
-        symbols = ", ".join(map(latex_symbol, names))
-        said = rf"{len(long)}\ \text{{equations at once in}}\ {symbols}"
-    else:
-        said = f"{len(long)} equations at once in {listed(names)} [{size} terms]"
-    return (*(_write(e, latex, False) for e in equations if e not in long), said)
-
-
-def _half_turns(equation: Equation) -> bool:
-    """Return True if an equation says that one joint is at 0 or 180 degrees: sin q = 0."""
-    # Twice the multiple of an angle that occurs as itself.
-    return (
-        len(equation.involved) == 1
-        and len(equation.cos) == 1
-        and not equation.powers.any()
-        and abs(int(equation.frequencies[0][equation.involved[0]])) == 2
-        and float(equation.cos[0]) == 0.0
-        and not equation.shift[equation.involved[0]]
+        groups.setdefault((*said, *_written(equations, style)), []).append(first)
+    joint, either = (r",\ ", r"\ \text{or}\ ") if latex else (" and ", "; or ")
+    return either.join(
+        joint.join([*values, *texts])
+        for texts, members in groups.items()
+        for values in _value_texts(members, solved, symbols, prismatic, style)
     )
 
 
-def _each_straight(equations: Sequence[Equation], latex: bool) -> str:
-    """``q2 to q20 each 0° or 180°``, of many joints."""
-    joints = sorted({e.involved[0] for e in equations})
-    runs: list[list[int]] = []
-    for j in joints:
-        if runs and j == runs[-1][-1] + 1:
-            runs[-1].append(j)
-        else:
-            runs.append([j])
-    symbols = equations[0].joints
-    named = [latex_symbol(s) for s in symbols] if latex else list(symbols)
-    to = r"\ \text{to}\ " if latex else " to "
-    said = []
-    for run in runs:
-        ends = [named[j] for j in run]
-        said += [f"{ends[0]}{to}{ends[-1]}"] if len(run) > 2 else ends
-    if latex:
-        return rf"{', '.join(said)}\ \text{{each}}\ 0^\circ\ \text{{or}}\ 180^\circ"
-    return f"{listed(said)} each 0° or 180°"
+def _written(equations: Sequence[Equation], style: Style) -> tuple[str, ...]:
+    """Equations that hold at once: the short ones, and of several long ones how many."""
+    # Those that put one joint at 0 or 180 degrees, sin q = 0: twice the multiple of an angle that
+    # occurs as itself.
+    straight = [
+        e
+        for e in equations
+        if len(e.cos) == len(e.involved) == 1
+        and not (e.powers.any() or e.cos.any() or e.shift[e.involved[0]])
+        and abs(int(e.frequencies[0][e.involved[0]])) == 2
+    ]
+    # Beyond so many these are not listed one by one.
+    if len(straight) > 3:
+        joints = enumerate(sorted(e.involved[0] for e in straight))
+        said = list[str]()
+        for _, run in itertools.groupby(joints, lambda at: at[1] - at[0]):
+            ends = [style.joint(straight[0].joints[j]) for _, j in run]
+            to = r"\ \text{to}\ " if style.latex else " to "
+            said += [f"{ends[0]}{to}{ends[-1]}"] if len(ends) > 2 else ends
+        text = f"{listed(said)} each 0° or 180°"
+        if style.latex:
+            text = rf"{', '.join(said)}\ \text{{each}}\ 0^\circ\ \text{{or}}\ 180^\circ"
+        return (text, *_written([e for e in equations if e not in straight], style))
+    long = long_ones(equations)
+    if len(long) < 2:
+        return tuple(_write(e, style, len(equations) == 1) for e in equations)
+    names = [long[0].joints[j] for j in sorted({j for e in long for j in e.involved})]
+    sizes = sorted({len(e.cos) for e in long})
+    size = f"{sizes[0]} to {sizes[-1]}" if len(sizes) > 1 else f"{sizes[0]}"
+    text = f"{len(long)} equations at once in {listed(names)} [{size} terms]"
+    if style.latex:
+        text = rf"{len(long)}\ \text{{equations at once in}}\ {', '.join(map(style.joint, names))}"
+    return (*(_write(e, style, False) for e in equations if e not in long), text)
 
 
-def _write(equation: Equation, latex: bool, alone: bool) -> str:
-    form = long_form(equation) if alone else None
-    if form is not None:
-        return form.latex() if latex else form.text()
-    if len(equation.cos) > LONG and not latex:
+def _write(equation: Equation, style: Style, alone: bool) -> str:
+    if alone and (form := long_form(equation)) is not None:
+        return form.latex if style.latex else form.text()
+    if len(equation.cos) > LONG and not style.latex:
         names = ", ".join(equation.joints[j] for j in equation.involved)
         return f"f({names}) = 0 [{len(equation.cos)} terms]"
-    return equation.latex() if latex else equation.text()
+    return equation.latex() if style.latex else equation.text()
 
 
 def _value_texts(
@@ -524,77 +494,48 @@ def _value_texts(
     solved: Sequence[Equation],
     symbols: Sequence[str],
     prismatic: Sequence[bool],
-    latex: bool,
-) -> list[tuple[str, ...]]:
-    """Conditions on single joints; one tuple if all combinations occur, else one a branch."""
-    joints = [v.joint for v in branches[0].values]
-    if not joints:
-        return [()]
-    sets = {
-        j: sorted({round(v.value, 12) for b in branches for v in b.values if v.joint == j})
-        for j in joints
-    }
-    combinations = {tuple(round(v.value, 12) for v in b.values) for b in branches}
-    if combinations == set(itertools.product(*(sets[j] for j in joints))):
-        # A mirror image has roots of its own, which the equation of the other one has not.
-        equations = {e.involved[0]: e for e in solved if _holds(e, sets)}
+    style: Style,
+) -> list[list[str]]:
+    """Conditions on single joints; one list if all combinations occur, else one a branch."""
+    rounded = [{v.joint: round(v.value, 12) for v in b.values} for b in branches]
+    sets = {j: sorted({x[j] for x in rounded if j in x}) for j in rounded[0]}
+    combinations = {tuple(values.values()) for values in rounded}
+    if combinations != set(itertools.product(*sets.values())):
+        each = [{v.joint: [v.value] for v in b.values} for b in branches]
         return [
-            tuple(
-                _joint_text(symbols[j], sets[j], prismatic[j], equations.get(j), latex)
-                for j in joints
-            )
+            [_joint_text(symbols[j], x, prismatic[j], (), style) for j, x in values.items()]
+            for values in each
         ]
-    return [
-        tuple(
-            _joint_text(symbols[v.joint], [v.value], prismatic[v.joint], None, latex)
-            for v in b.values
-        )
-        for b in branches
-    ]
-
-
-def _holds(equation: Equation, sets: dict[int, list[float]]) -> bool:
-    """Return True if all values of its joint are roots of an equation."""
-    values = sets[equation.involved[0]]
-    q = np.zeros((len(values), len(equation.joints)))
-    q[:, equation.involved[0]] = values
-    return bool((np.abs(equation(q)) < 1e-9 * equation.size).all())
+    return [[_joint_text(symbols[j], x, prismatic[j], solved, style) for j, x in sets.items()]]
 
 
 def _joint_text(
-    symbol: str, values: Sequence[float], slides: bool, equation: Equation | None, latex: bool
+    symbol: str, values: Sequence[float], slides: bool, solved: Sequence[Equation], style: Style
 ) -> str:
-    name = latex_symbol(symbol) if latex else symbol
-    known = f"{name} = {_set_text(values, slides, latex)}"
-    if equation is None or slides:
-        return known
-    simple = _sine_or_cosine(equation, name, latex)
-    written = simple or (equation.latex() if latex else equation.text())
-    return f"{written}\\ ({known})" if latex else f"{written} ({known})"
-
-
-def _set_text(values: Sequence[float], slides: bool, latex: bool) -> str:
+    """``d3 = 0``, or ``sin q6 = -0.2 (q6 = ...)`` where its values are those of an equation."""
+    name = style.joint(symbol)
     if slides:
-        unit = r"\,\mathrm{m}" if latex else " m"
-        said = [f"{v:.6g}{unit}" if v else "0" for v in values]
-        return (r"\ \text{or}\ " if latex else " or ").join(said)
-    return (LATEX if latex else PLAIN).angles(values)
-
-
-def _sine_or_cosine(equation: Equation, name: str, latex: bool) -> str | None:
-    """``sin q6 = -0.2`` for an equation a sin q + b = 0 (or with cos)."""
-    if len(equation.cos) != 2 or equation.shift[list(equation.involved)].any():
-        return None
-    moving = int(np.argmax(np.abs(equation.frequencies).sum(axis=1)))
-    constant = 1 - moving
-    if equation.frequencies[constant].any() or np.abs(equation.frequencies[moving]).sum() != 2:
-        return None
-    pair = (equation.cos[moving], equation.sin[moving])
-    if (pair[0] == 0) == (pair[1] == 0):
-        return None
-    kind, head = ("sin", pair[1]) if pair[0] == 0 else ("cos", pair[0])
-    value = -equation.cos[constant] / head
-    return f"{chr(92) if latex else ''}{kind} {name} = {value:.10g}"
+        unit, either = (r"\,\mathrm{m}", r"\ \text{or}\ ") if style.latex else (" m", " or ")
+        return f"{name} = {either.join(f'{v:.6g}{unit}' if v else '0' for v in values)}"
+    known = f"{name} = {style.angles(values)}"
+    for e in solved:
+        (j,) = e.involved
+        q = np.zeros((len(values), len(e.joints)))
+        q[:, j] = values
+        # A mirror image has roots of its own, which the equation of the other one has not.
+        if e.joints[j] != symbol or (np.abs(e(q)) >= 1e-9 * e.size).any():
+            continue
+        written = e.latex() if style.latex else e.text()
+        moving = np.abs(e.frequencies).sum(axis=1).tolist()
+        if sorted(moving) == [0, 2] and not e.shift[j]:  # a sin q + b = 0, or with cos
+            at = moving.index(2)
+            heads = {style.cos: e.cos[at], style.sin: e.sin[at]}
+            used = {function.strip(): head for function, head in heads.items() if head}
+            if len(used) == 1:
+                ((function, head),) = used.items()
+                written = f"{function} {name} = {-e.cos[1 - at] / head:.10g}"
+        return f"{written}\\ ({known})" if style.latex else f"{written} ({known})"
+    return known
 
 
 ORDER = ("wrist", "elbow", "shoulder", "")
@@ -1028,7 +969,5 @@ def _codimension(branch: Branch, q: Array, complex_codimension: int) -> int:
         return len(branch.values)
     if len(branch.equations) == 1:
         return complex_codimension
-    sizes = np.linalg.svd(system_of(branch.equations).gradients(q[None])[0], compute_uv=False)
-    # Singular values of gradients that count, relative to the largest.
-    independent = int((sizes > 1e-7 * max(float(sizes[0]), 1e-300)).sum())
+    independent = rank_of(system_of(branch.equations).gradients(q[None])[0])
     return max(complex_codimension, len(branch.values) + independent)
