@@ -55,7 +55,7 @@ from pinsing.algebra.real_roots import (
 )
 from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value
 from pinsing.families.at_once import LONG, at_once, long_form, long_ones, rank_of, solved_for
-from pinsing.families.family import Family, KindPart, ValueReach, values_reached
+from pinsing.families.family import Family, KindPart, values_reached
 from pinsing.families.zero_set import (
     ROUNDS,
     OwnPoints,
@@ -74,7 +74,7 @@ from pinsing.kinematics.at import Loss, State, loss_at
 from pinsing.kinematics.jacobian import batch, frame_jacobians, generic_rank, own_shares, ratios
 from pinsing.kinematics.lost_motion import STRUCTURE_TOL, JointAxes, arm_centres, generic_axes
 from pinsing.kinematics.refine import kinds_many
-from pinsing.measures import ALIKE, SEED, Array, Bool, Reachability
+from pinsing.measures import ALIKE, SEED, Array, Reachability
 from pinsing.prose import listed
 from pinsing.robot.arm import Arm, kept
 from pinsing.robot.nominal import Nominal
@@ -87,7 +87,6 @@ class SolvedPiece:
     branches: tuple[Branch, ...]  # one for each choice of roots
     # the univariate equations whose roots the branches have, for print
     solved: tuple[Equation, ...]
-    proof: str  # as on a Family
     real: bool  # whether a real point is known
     codimension: int  # joints minus the dimension: real where only that is known to be smaller
     component: Component  # what it was made of, exactly
@@ -153,55 +152,44 @@ class PieceMaker:
             return []
         known = [b for b in alive if sure or self._has_point(b)]
         unknown = [b for b in alive if b not in known]
-        proof = "algebra" if component.proven else "generic points"
         return [
-            SolvedPiece(tuple(part), tuple(minimal), proof, found, codimension, component)
+            SolvedPiece(tuple(part), tuple(minimal), found, codimension, component)
             for part, found in ((known, True), (unknown, False))
             if part
         ]
 
-    def lies_in_another(
-        self, component: Component, pieces: Sequence[SolvedPiece], components: Sequence[Component]
-    ) -> bool:
-        """Return True if all real points of a component, isolated ones, lie in other components."""
-        if all(p.codimension == component.codimension for p in pieces):
-            return False
+    def pieces(self, component: Component, components: Sequence[Component]) -> list[SolvedPiece]:
+        """Return its pieces without what other components have, too; none if all is theirs."""
         others = [c for c in components if c is not component]
-        return all(
-            any(self._at_exact_values_of(b, c) for c in others) for p in pieces for b in p.branches
-        )
-
-    def own(
-        self, component: Component, pieces: Sequence[SolvedPiece], components: Sequence[Component]
-    ) -> list[SolvedPiece]:
-        """Return pieces without isolated values that simpler or larger components have, too."""
-        others = [
+        # What is simpler or larger has isolated values to itself.
+        first = [
             c
-            for c in components
+            for c in others
             if c.codimension < component.codimension
             or (c.codimension == component.codimension and component.relations and not c.relations)
         ]
-        left = []
-        for piece in pieces:
-            kept = tuple(
-                b
-                for b in piece.branches
-                if b.equations or not any(self._at_exact_values_of(b, c) for c in others)
-            )
-            if kept:
-                left.append(piece if kept == piece.branches else replace(piece, branches=kept))
-        return left
+        found = []
+        for piece in self.make(component):
+            own = tuple(b for b in piece.branches if not self._at_exact_values(b, first))
+            found += [replace(piece, branches=own)] if own else []
+        # Real points may be isolated where complex ones are not.
+        if any(p.codimension != component.codimension for p in found) and all(
+            self._at_exact_values(b, others) for p in found for b in p.branches
+        ):
+            return []
+        return found
 
-    def _at_exact_values_of(self, branch: Branch, component: Component) -> bool:
+    def _at_exact_values(self, branch: Branch, components: Sequence[Component]) -> bool:
         """Return True if exact joint values put a branch of nothing else into a component."""
-        if branch.equations:
-            return False
         values = {v.joint: v.exact for v in branch.values if v.exact is not None}
-        if len(values) < len(branch.values):
+        if branch.equations or len(values) < len(branch.values):
             return False
-        if any(values.get(j) != x for j, x in component.values.items()):
-            return False
-        return all(p == 0 for p in map(self.ring.putting(values), component.relations))
+        put = self.ring.putting(values)
+        return any(
+            all(values.get(j) == x for j, x in c.values.items())
+            and all(put(p) == 0 for p in c.relations)
+            for c in components
+        )
 
     def _solvable(self, component: Component) -> tuple[list[Poly], list[Poly]]:
         """Return the relations that fix joint values, and the others."""
@@ -250,9 +238,8 @@ class PieceMaker:
         slides = self.ring.prismatic[joint]
         if (exact := value.exact(slides)) is not None:
             return replace(self._value(joint, exact), minimal=value.minimal)
-        if slides:
-            return JointValue(joint, float(value.ball), False, value.minimal)
-        return JointValue(joint, self._angle(joint, value.angle()), False, value.minimal)
+        shown = float(value.ball) if slides else wrap(value.angle() - float(self.offset[joint]))
+        return JointValue(joint, shown, False, value.minimal)
 
     def _real_part(self, poly: Poly) -> list[list[JointValue]] | None:
         """Return all real zeros of a polynomial, or None where they may be a hypersurface."""
@@ -270,22 +257,18 @@ class PieceMaker:
         """Return up to ``count`` points (k, n) of a branch over whole circles."""
         box = SearchBox.of(branch, self.lower, self.upper)
 
-        def searched(some: int) -> Array:
-            given = some, self.rng, self.rounds(rounds), self.time.stop
-            return search(branch.equations, box, *given)
+        def draws() -> Iterator[Array]:
+            # A few points may all be regular ones of the equations, many seldom.
+            for some in (count, max(32, count)):
+                given = some, self.rng, self.rounds(rounds), self.time.stop
+                yield search(branch.equations, box, *given)
+            yield self.thrown(branch, 40)
 
-        found = searched(count)
-        if self.confirm is None:
-            return found
-        own = found[self.confirm(found)]
-        if not len(own):  # a few points may all be regular ones of the equations, many seldom
-            # Points of equations that are drawn, where none of the first ones is the family's own.
-            more = searched(max(32, count))
-            own = more[self.confirm(more)][:count]
-        if not len(own):
-            # Random starts, where no point of equations that was drawn is the family's own.
-            more = self.thrown(branch, 40)
-            own = more[self.confirm(more)][:count]
+        own = np.zeros((0, len(self.lower)))
+        for found in draws():
+            own = found if self.confirm is None else found[self.confirm(found)][:count]
+            if self.confirm is None or len(own):
+                break
         return own
 
     def thrown(self, branch: Branch, count: int) -> Array:
@@ -314,11 +297,8 @@ class PieceMaker:
         if self.ring.prismatic[joint]:
             return JointValue(joint, float(value[0]), True, exact=value)
         x, y = (float(v) for v in value)
-        return JointValue(joint, self._angle(joint, 2 * math.atan2(y, x)), True, exact=value)
-
-    def _angle(self, joint: int, angle: float) -> float:
-        """A joint's angle of the ring's."""
-        return wrap(angle - float(self.offset[joint]))
+        angle = wrap(2 * math.atan2(y, x) - float(self.offset[joint]))
+        return JointValue(joint, angle, True, exact=value)
 
     def equation_of(self, poly: Poly) -> Equation:
         """A polynomial as an equation in the joints, made once."""
@@ -693,24 +673,16 @@ def kinds_of(family: Family, points: Array, arm: Arm, maker: PieceMaker) -> tupl
             kinds[i] = kind
     points = points[[kind is not None for kind in kinds]]
     found = [kind for kind in kinds if kind is not None]
-    counts = Counter(found)
-    total = len(found)
+    counts, total = Counter(found), len(found)
     if len(counts) == 1:
         return (KindPart(found[0], "", 1.0, total),)
-    owner = _owners(family, points)
-    by_branch = {
-        b: Counter(k for k, o in zip(found, owner, strict=True) if o == b)
-        for b in dict.fromkeys(owner)
-    }
-    if len(by_branch) == len(family.branches) and all(len(c) == 1 for c in by_branch.values()):
+    owners = list(zip(found, _owners(family, points), strict=True))
+    by_kind = {k: list(dict.fromkeys(b for kind, b in owners if kind == k)) for k in counts}
+    slides = [bool(p) for p in maker.ring.prismatic]
+    if sorted(itertools.chain(*by_kind.values())) == [*range(len(family.branches))]:
         places = {
-            kind: statement(
-                ([family.branches[b] for b, c in by_branch.items() if kind in c]),
-                (),
-                maker.symbols,
-                [bool(p) for p in maker.ring.prismatic],
-            )
-            for kind in counts
+            kind: statement([family.branches[b] for b in own], (), maker.symbols, slides)
+            for kind, own in by_kind.items()
         }
         longest = max(places, key=lambda k: len(places[k]))
         if len(places[longest]) > _SHORT:
@@ -795,35 +767,71 @@ def describe(
     confirm: OwnPoints | None = None,
 ) -> Family:
     """Return the family of mirrored pieces; ``confirm`` makes its points singular and sharp."""
-    draft = stated(group, maker, arm)
-    if confirm is not None:
-        draft = replace(draft, confirm=confirm)
-    rng = np.random.default_rng(SEED)
+    draft, rng, exact = stated(group, maker, arm), np.random.default_rng(SEED), geometry.arm
+    draft = draft if confirm is None else replace(draft, confirm=confirm)
+
+    def points(of: Family, within: bool, time: Budget, count: int = _WITNESSES) -> Array:
+        return of.points(count, rng, within, maker.rounds(), time.stop)
+
     if not draft.real:
-        if not _drawn(draft, maker, rng):
+        # No less may be said than samples show.
+        look = maker.time.part(_LOOKS[0])
+        if not any(len(points(draft, within, look)) for within in (True, False)):
             return draft
         draft = replace(draft, real=True)
     looks = [maker.time.part(share) for share in _LOOKS]
-    inside = draft.points(_WITNESSES, rng, True, maker.rounds(), looks[0].stop)
+    inside = points(draft, True, looks[0])
     reachability = Reachability.INSIDE if len(inside) else Reachability.UNKNOWN
     if not len(inside):
         # Metres by which a family may lie beyond the limit of a prismatic joint and be at it.
         wider = replace(draft, limit_tolerance=np.where(arm.prismatic, 1e-6, maker.angle_tol))
-        inside = wider.points(_WITNESSES, rng, True, maker.rounds(), looks[1].stop)
+        inside = points(wider, True, looks[1])
         if len(inside):
-            draft, reachability = wider, Reachability.AT_LIMIT
-            draft = replace(draft, limits_met=_limits_met(draft, inside[0], maker.symbols))
+            draft = replace(wider, limits_met=_limits_met(wider, inside[0], maker.symbols))
+            reachability = Reachability.AT_LIMIT
         elif not maker.time.over:
             reachability = _unreachable(wider, looks[2].stop)
-    points = inside
-    if not len(inside):
-        points = draft.points(_WITNESSES, rng, rounds=maker.rounds(), stop=maker.time.stop)
+    draft = replace(draft, reachability=reachability)
+    found = inside if len(inside) else points(draft, False, maker.time)
     # Points have half of their digits only where an equation touches zero: sigma_r / sigma_1 of one
     # that has all is less.
     drawn = draft.confirm is None and any(b.equations for b in draft.branches)
-    if drawn and (ratios(geometry.arm, points) > 1e-9).any():
-        return describe(group, maker, arm, geometry, OwnPoints(geometry.arm, touching=True))
-    return _described(draft, reachability, inside, points, arm, geometry, maker)
+    if drawn and (ratios(exact, found) > 1e-9).any():
+        return describe(group, maker, arm, geometry, OwnPoints(exact, touching=True))
+    if not len(found):
+        return draft
+
+    def is_on(branch: Branch, some: Array) -> bool:
+        # Distance in joint space up to which a point is on a branch.
+        return bool(near((branch,), draft.space, some, 1e-6, draft.confirm).any())
+
+    def met(branch: Branch) -> bool:
+        alone = replace(draft, branches=(branch,))
+        return is_on(branch, inside) or bool(len(points(alone, True, maker.time, 1)))
+
+    several = draft.branches if len(draft.branches) > 1 else ()
+    branch = next((b for b in several if is_on(b, found[:1])), draft.branches[0])
+    strictly = reachability is Reachability.INSIDE
+    generic = readable(draft, branch, found[0], exact, within_limits=strictly)
+    loss = loss_at(exact, generic, rtol=1e-8)
+    kinds = kinds_of(draft, found, exact, maker)
+    rng = np.random.default_rng(SEED)
+    reach = values_reached(draft.branches, draft.limits, draft.prismatic, reachability, met)
+    return replace(
+        draft,
+        title=title_of(exact, found[::4]),
+        value_reach=reach,
+        at_once=() if (said := at_once(branch, generic, maker.symbols)) is None else (said,),
+        codimension=_codimension(branch, generic, draft.codimension),
+        witness=generic if len(inside) else None,
+        generic=generic,
+        rank=loss.rank,
+        lost=(*(str(x) for x in loss.lost), *missing_everywhere(loss)),
+        kind=kinds[0].kind if len(kinds) == 1 else "varies",
+        kinds=kinds,
+        reason="; ".join(str(d) for d in loss.dependences),
+        raw_ratio=None if geometry.exact else float(ratios(arm, found).max()),
+    )
 
 
 def stated(group: Sequence[SolvedPiece], maker: PieceMaker, arm: Arm) -> Family:
@@ -839,7 +847,7 @@ def stated(group: Sequence[SolvedPiece], maker: PieceMaker, arm: Arm) -> Family:
         branches=branches,
         joints=tuple(arm.joints[j] for j in involved),
         codimension=group[0].codimension,
-        proof=min((p.proof for p in group), key=["generic points", "algebra"].index),
+        proof="algebra" if all(p.component.proven for p in group) else "generic points",
         real=any(p.real for p in group),
         reachability=Reachability.UNKNOWN,
         witness=None,
@@ -860,46 +868,20 @@ def stated(group: Sequence[SolvedPiece], maker: PieceMaker, arm: Arm) -> Family:
     )
 
 
-def _drawn(draft: Family, maker: PieceMaker, rng: np.random.Generator) -> bool:
-    """Return True if ``sample`` finds points: no less may be said than samples show."""
-    look = maker.time.part(_LOOKS[0])
-    return any(
-        len(draft.points(_WITNESSES, rng, within, maker.rounds(), look.stop))
-        for within in (True, False)
-    )
-
-
-def _value_reach(
-    family: Family, reachability: Reachability, inside: Array, maker: PieceMaker
-) -> tuple[ValueReach, ...]:
-    """Return which of the values that joints are at lie within the limits."""
-    rng = np.random.default_rng(SEED)
-
-    def met(branch: Branch) -> bool:
-        if _on(family, branch, inside).any():
-            return True
-        alone = replace(family, branches=(branch,), reachability=reachability)
-        return bool(len(alone.points(1, rng, True, maker.rounds(), maker.time.stop)))
-
-    return values_reached(family.branches, family.limits, family.prismatic, reachability, met)
-
-
 def _limits_met(family: Family, q: Array, symbols: Sequence[str]) -> tuple[str, ...]:
     """Return which limits a point lies beyond, within the tolerance, with both numbers."""
     said = []
     for j, value in enumerate(q):
+        unit = "m" if family.prismatic[j] else "rad"
         for limit, beyond in ((family.lower[j], -1.0), (family.upper[j], 1.0)):
-            if beyond * (value - limit) > 1e-9 / 10:
-                unit = "m" if family.prismatic[j] else "rad"
-                said.append(
-                    f"{symbols[j]} = {value:.10g} {unit}, its limit {limit:.10g} {unit}, "
-                    f"{abs(value - limit):.1e} {unit} apart"
-                )
+            if (by := beyond * (value - limit)) > 1e-10:
+                ends = f"{value:.10g} {unit}, its limit {limit:.10g} {unit}"
+                said.append(f"{symbols[j]} = {ends}, {by:.1e} {unit} apart")
     return tuple(said)
 
 
 def _unreachable(family: Family, stop: Stop) -> Reachability:
-    """Return True if it is proven that no point lies within the limits."""
+    """Return whether it is proven that no point lies within the limits."""
     lower, upper = family.box(within_limits=True)
     endless = family.prismatic & ~(np.isfinite(family.lower) & np.isfinite(family.upper))
     for branch in family.branches:
@@ -911,53 +893,11 @@ def _unreachable(family: Family, stop: Stop) -> Reachability:
     return Reachability.OUTSIDE
 
 
-def _described(
-    draft: Family,
-    reachability: Reachability,
-    inside: Array,
-    points: Array,
-    arm: Arm,
-    geometry: Nominal,
-    maker: PieceMaker,
-) -> Family:
-    if not len(points):
-        return replace(draft, reachability=reachability)
-    exact, branch = geometry.arm, draft.branches[0]
-    if len(draft.branches) > 1:
-        branch = next((b for b in draft.branches if _on(draft, b, points[:1])[0]), branch)
-    strictly = bool(len(inside)) and reachability is Reachability.INSIDE
-    generic = readable(draft, branch, points[0], exact, within_limits=strictly)
-    loss = loss_at(exact, generic, rtol=1e-8)
-    kinds = kinds_of(draft, points, exact, maker)
-    return replace(
-        draft,
-        title=title_of(exact, points[::4]),
-        value_reach=_value_reach(draft, reachability, inside, maker),
-        at_once=() if (said := at_once(branch, generic, maker.symbols)) is None else (said,),
-        codimension=_codimension(branch, generic, draft.codimension),
-        reachability=reachability,
-        witness=generic if len(inside) else None,
-        generic=generic,
-        rank=loss.rank,
-        lost=(*(str(x) for x in loss.lost), *missing_everywhere(loss)),
-        kind=kinds[0].kind if len(kinds) == 1 else "varies",
-        kinds=kinds,
-        reason="; ".join(str(d) for d in loss.dependences),
-        raw_ratio=None if geometry.exact else float(ratios(arm, points).max()),
-    )
-
-
 def missing_everywhere(loss: Loss | State) -> list[str]:
     """A remark where some of the motions lost at a point are lost at every other as well."""
     if loss.always_missing == 0 or not loss.lost:
         return []
     return [f"{loss.always_missing} of these {len(loss.lost)} is missing at every configuration"]
-
-
-def _on(family: Family, branch: Branch, points: Array) -> Bool:
-    """Return which of some points (N, n) of a family are on one of its branches."""
-    # Distance in joint space up to which a point is on a branch.
-    return near((branch,), family.space, points, 1e-6, family.confirm)
 
 
 def _codimension(branch: Branch, q: Array, complex_codimension: int) -> int:

@@ -567,10 +567,8 @@ def _found(
         maker.time = describing = whole.part(1.0, 0.1)
         grouped: dict[object, list[SolvedPiece]] = {}
         for c in search.components:
-            pieces = maker.own(c, maker.make(c), search.components)
-            if not pieces or maker.lies_in_another(c, pieces, search.components):
-                left_out.append(c)
-                continue
+            pieces = maker.pieces(c, search.components)
+            left_out += [] if pieces else [c]
             for piece in pieces:
                 grouped.setdefault((piece.real, mirror_key(piece)), []).append(piece)
         for i, group in enumerate(grouped.values(), 1):
