@@ -24,7 +24,7 @@ def parts_of(arm):
     geometry = nominal(arm)
     ring = ring_for(geometry)
     rank = generic_rank(geometry.arm)
-    maker = PieceMaker(geometry, ring, rank, joint_symbols(arm), 20, Budget(60), 2e-3)
+    maker = PieceMaker(geometry, ring, rank, joint_symbols(arm), Budget(60), 2e-3)
     return geometry, rank, ring, maker
 
 
@@ -117,6 +117,8 @@ def test_neighbours_tell_the_same_as_all_minors(name):
     for branch in mine:
         points = maker.find(branch, 4)
         assert len(points)
+        # Values of several turns are taken for degrees by what is asked of them.
+        assert (np.abs(maker.thrown(branch, 60)) < np.pi + 1e-6).all()
         assert all(on_any(theirs, q) for q in points)
     codimensions = sorted({c.codimension for c in chain.components})
     assert codimensions == sorted({f.codimension for f in families})

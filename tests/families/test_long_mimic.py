@@ -51,7 +51,7 @@ def test_minors_of_own_joints_are_those_of_pinocchios_jacobian(joints, follow, s
     arm = chain(joints, follow, slides)
     geometry = nominal(arm)
     ring = ring_for(geometry)
-    maker = PieceMaker(geometry, ring, 6, joint_symbols(arm), 20, Budget(60), 2e-3)
+    maker = PieceMaker(geometry, ring, 6, joint_symbols(arm), Budget(60), 2e-3)
     minors = NearMinors(geometry, ring, arm.task, 6, Budget(60))
     Q = np.random.default_rng(1).uniform(-2, 2, (12, arm.n))
     J = task_jacobians(geometry.arm, Q)

@@ -101,7 +101,6 @@ class PieceMaker:
         ring: Ring,
         rank: int,
         symbols: Sequence[str],
-        seed: int,
         time: Budget,
         angle_tol: float,
     ) -> None:
@@ -109,7 +108,7 @@ class PieceMaker:
         self.angle_tol = angle_tol
         self.symbols = tuple(symbols)
         self.offset = own_offsets(geometry)
-        self.rng = np.random.default_rng(seed)
+        self.rng = np.random.default_rng(20)
         self.unsolved = 0
         """Systems that stay equations because time was over."""
         self.confirm: OwnPoints | None = None
@@ -274,7 +273,8 @@ class PieceMaker:
     def thrown(self, branch: Branch, count: int) -> Array:
         """Return points (k, n) that random starts converge to, so that all real parts are met."""
         box = SearchBox.of(branch, self.lower, self.upper)
-        return thrown(branch.equations, box, count, self.rng, self.time.stop)
+        found = thrown(branch.equations, box, count, self.rng, self.time.stop)
+        return self.space.wrap(found)  # starts go several turns round
 
     def branch_of(self, values: Mapping[int, Value], relations: Sequence[Poly]) -> Branch:
         """Joints at exact values, and polynomials that vanish, as what points are found on."""

@@ -256,7 +256,7 @@ class ComponentSearch:
     def new_maker(self) -> PieceMaker:
         """For points and equations of components, from the same random numbers each time."""
         given = self.geometry, self.ring, self.rank, self._symbols
-        return PieceMaker(*given, 20, self.time, self._angle_tol)
+        return PieceMaker(*given, self.time, self._angle_tol)
 
     def all_minors(self, time: Budget) -> Decomposition:
         """The components by all minors, as far as the time goes."""
