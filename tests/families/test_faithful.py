@@ -68,13 +68,13 @@ def test_a_relation_that_is_a_product_has_all_of_its_roots():
 
 
 def test_a_value_read_wrongly_is_no_complete_answer(monkeypatch):
-    real = describe.PieceMaker._at_exact_values_of
+    real = describe.PieceMaker._at_exact_values
 
-    def at_half_a_turn(self, branch, component):
+    def at_half_a_turn(self, branch, components):
         held = [replace(v, exact=(0, 1)) if v.joint == 2 else v for v in branch.values]
-        return real(self, replace(branch, values=tuple(held)), component)
+        return real(self, replace(branch, values=tuple(held)), components)
 
-    monkeypatch.setattr(describe.PieceMaker, "_at_exact_values_of", at_half_a_turn)
+    monkeypatch.setattr(describe.PieceMaker, "_at_exact_values", at_half_a_turn)
     form = pinsing.closed_form(chain(EVEN), seconds=60, prove=True)
     assert not form.complete
     assert any("on no family that is stated" in gap for gap in form.gaps)
