@@ -14,7 +14,8 @@ def value_of(text: str, joints: Mapping[str, Any]) -> Any:
     """Of joint values that are numbers, or arrays of the same shape."""
     text = _CALL.sub(_call, text)
     text = re.sub(r"√(\d)", lambda found: repr(math.sqrt(int(found[1]))), text).replace("^", "**")
-    return _put(re.sub(r"(?<=[\w)]) (?=[\w(])", " * ", text), joints)
+    python = re.sub(r"(?<=[\w)]) (?=[\w(])", " * ", text)
+    return eval(python, {"cos": np.cos, "sin": np.sin}, dict(joints))
 
 
 def _call(found: re.Match[str]) -> str:
@@ -22,9 +23,4 @@ def _call(found: re.Match[str]) -> str:
     name, power, plain, halved, half, inner = found.groups()
     angle = re.sub(r"(\d+) (?=[qd])", r"\1*", plain or halved or half or inner)
     angle = re.sub(r"([\d.]+)°", lambda degrees: repr(math.radians(float(degrees[1]))), angle)
-    halves = "/2" if halved or half else ""
-    return f"({name}(({angle}){halves})**{ ({'': 1, '²': 2, '³': 3}[power]) })"
-
-
-def _put(text: str, joints: Mapping[str, Any]) -> Any:
-    return eval(text, {"cos": np.cos, "sin": np.sin}, dict(joints))
+    return f"({name}(({angle}) / {2 if halved or half else 1})**{' ²³'.index(power or ' ') + 1})"

@@ -9,7 +9,6 @@ import pinsing
 from pinsing.algebra.budget import Budget
 from pinsing.families.describe import PieceMaker
 from pinsing.families.long_chain import LongChain
-from pinsing.families.solve import joint_symbols
 from pinsing.families.zero_set import SearchBox, draw, peeled, system_of
 from pinsing.kinematics.jacobian import generic_rank, ratios, task_jacobians
 from pinsing.robot.nominal import nominal
@@ -24,7 +23,7 @@ def parts_of(arm):
     geometry = nominal(arm)
     ring = ring_for(geometry)
     rank = generic_rank(geometry.arm)
-    maker = PieceMaker(geometry, ring, rank, joint_symbols(arm), Budget(60), 2e-3)
+    maker = PieceMaker(geometry, ring, Budget(60), 2e-3)
     return geometry, rank, ring, maker
 
 

@@ -16,7 +16,6 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.jacobian_matrix import NearMinors
 from pinsing.algebra.mimic import own_jacobian_modulo
 from pinsing.families.describe import PieceMaker
-from pinsing.families.solve import joint_symbols
 from pinsing.families.zero_set import OwnPoints, SearchBox
 from pinsing.kinematics.jacobian import ratios, task_jacobians
 from pinsing.robot.nominal import PRIMES, nominal
@@ -51,7 +50,7 @@ def test_minors_of_own_joints_are_those_of_pinocchios_jacobian(joints, follow, s
     arm = chain(joints, follow, slides)
     geometry = nominal(arm)
     ring = ring_for(geometry)
-    maker = PieceMaker(geometry, ring, 6, joint_symbols(arm), Budget(60), 2e-3)
+    maker = PieceMaker(geometry, ring, Budget(60), 2e-3)
     minors = NearMinors(geometry, ring, arm.task, 6, Budget(60))
     Q = np.random.default_rng(1).uniform(-2, 2, (12, arm.n))
     J = task_jacobians(geometry.arm, Q)

@@ -10,7 +10,6 @@ from pinsing.algebra.components import Component
 from pinsing.algebra.jacobian_matrix import NearMinors
 from pinsing.families.describe import PieceMaker
 from pinsing.families.long_chain import LongChain, ModularPoints, solving_order
-from pinsing.families.solve import joint_symbols
 from pinsing.kinematics.jacobian import generic_rank, ratios
 from pinsing.robot.nominal import nominal
 
@@ -71,7 +70,7 @@ def test_no_order_no_points(snake):
 def test_a_chain_is_stated_by_them_alone(snake, monkeypatch):
     """No real point is looked for: the general family of ten joints has five equations."""
     arm, geometry, ring, _ = snake
-    maker = PieceMaker(geometry, ring, 6, joint_symbols(arm), Budget(60), 2e-3)
+    maker = PieceMaker(geometry, ring, Budget(60), 2e-3)
     monkeypatch.setattr(LongChain, "_by_real_points", lambda self: self._later.clear())
     chain = LongChain(geometry, arm.task, generic_rank(geometry.arm), ring, maker, Budget(60))
     assert [c.codimension for c in chain.components] == [5]

@@ -17,9 +17,9 @@ from pinsing.algebra.ring import make_ring
 from pinsing.families import closed_form, zero_set
 from pinsing.families.describe import describe
 from pinsing.families.form import families_text
-from pinsing.families.solve import ComponentSearch, joint_symbols
+from pinsing.families.solve import ComponentSearch
 from pinsing.families.zero_set import OwnPoints, SearchBox, project, search
-from pinsing.kinematics.jacobian import generic_rank, ratios
+from pinsing.kinematics.jacobian import ratios
 from pinsing.robot.arm import JointSpace
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
@@ -105,24 +105,18 @@ def test_points_of_a_long_chain_are_on_its_family():
 
 @pytest.fixture(scope="module")
 def sought():
-    """The arm, its exact geometry, and the components that were found of it."""
+    """The arm, and the components that were found of it."""
     arm = pinsing.load("ur5")
-    geometry = nominal(arm)
-    rank = generic_rank(geometry.arm)
-    return (
-        arm,
-        geometry,
-        ComponentSearch(geometry, arm, rank, joint_symbols(arm), Budget(60.0), 0.002).run(),
-    )
+    return arm, ComponentSearch(nominal(arm), Budget(60.0), 0.002).run()
 
 
 def test_what_a_first_look_missed_is_real_where_samples_are_found(sought):
-    arm, geometry, found = sought
+    arm, found = sought
     with_equations = [c for c in found.components if c.relations]
     assert with_equations
     for component in with_equations:
         pieces = [replace(p, real=False) for p in found.maker.make(component)]
-        family = describe(pieces, found.maker, arm, geometry)
+        family = describe(pieces, found.maker, arm)
         assert len(family.sample(4, np.random.default_rng(0))) == 4
         assert family.real
         assert family.reachability == "reachable"
@@ -130,12 +124,12 @@ def test_what_a_first_look_missed_is_real_where_samples_are_found(sought):
 
 
 def test_equations_without_a_real_point_stay_so(sought):
-    arm, geometry, found = sought
+    arm, found = sought
     x, y = (found.ring.context.gens()[v] for v in found.ring.variables(2))
     component = next(c for c in found.components if c.relations)
     piece = found.maker.make(component)[0]
     nowhere = found.maker.branch_of({}, [4 * x * x + 2 * y * y])  # 3 + cos q3, over the circle
-    family = describe([replace(piece, branches=(nowhere,), real=False)], found.maker, arm, geometry)
+    family = describe([replace(piece, branches=(nowhere,), real=False)], found.maker, arm)
     assert not family.real
     assert family.witness is None
     assert family.reachability == "none found"

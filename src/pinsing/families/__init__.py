@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from pinsing.algebra.conditions import Branch as Branch, JointValue as JointValue
     from pinsing.algebra.equation import Equation as Equation
     from pinsing.families.certificate import prove as prove
+    from pinsing.families.describe import joint_symbols as joint_symbols
     from pinsing.families.design import (
         DesignChange as DesignChange,
         DesignFamily as DesignFamily,
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     )
     from pinsing.families.family import Family as Family
     from pinsing.families.form import ClosedForm as ClosedForm, Proof as Proof
-    from pinsing.families.solve import closed_form as closed_form, joint_symbols as joint_symbols
+    from pinsing.families.solve import closed_form as closed_form
     from pinsing.families.zero_set import Distance as Distance
 
 public(
@@ -28,7 +29,8 @@ public(
         "family": "Family",
         "form": "ClosedForm Proof",
         "zero_set": "Distance",
-        "solve": "closed_form joint_symbols",
+        "solve": "closed_form",
+        "describe": "joint_symbols",
     },
     called="pinsing.closed_form(arm).families",
 )

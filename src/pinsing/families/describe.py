@@ -80,6 +80,11 @@ from pinsing.robot.arm import Arm, kept
 from pinsing.robot.nominal import Nominal
 
 
+def joint_symbols(arm: Arm) -> tuple[str, ...]:
+    """Return q1, q2, d3, ...: the joint's number from the base, d for prismatic joints."""
+    return tuple(f"{'d' if s else 'q'}{i}" for i, s in enumerate(arm.prismatic, 1))
+
+
 @dataclass(frozen=True, eq=False)
 class SolvedPiece:
     """One component, its univariate equations solved."""
@@ -99,14 +104,11 @@ class PieceMaker:
         self,
         geometry: Nominal,
         ring: Ring,
-        rank: int,
-        symbols: Sequence[str],
         time: Budget,
         angle_tol: float,
     ) -> None:
-        self.geometry, self.ring, self.rank, self.time = geometry, ring, rank, time
-        self.angle_tol = angle_tol
-        self.symbols = tuple(symbols)
+        self.geometry, self.ring, self.time, self.angle_tol = geometry, ring, time, angle_tol
+        self.symbols = joint_symbols(geometry.arm)
         self.offset = own_offsets(geometry)
         self.rng = np.random.default_rng(20)
         self.unsolved = 0
@@ -760,14 +762,10 @@ proof that there is nothing have ended: what is left is for points anywhere."""
 
 
 def describe(
-    group: Sequence[SolvedPiece],
-    maker: PieceMaker,
-    arm: Arm,
-    geometry: Nominal,
-    confirm: OwnPoints | None = None,
+    group: Sequence[SolvedPiece], maker: PieceMaker, arm: Arm, confirm: OwnPoints | None = None
 ) -> Family:
     """Return the family of mirrored pieces; ``confirm`` makes its points singular and sharp."""
-    draft, rng, exact = stated(group, maker, arm), np.random.default_rng(SEED), geometry.arm
+    draft, rng, exact = stated(group, maker, arm), np.random.default_rng(SEED), maker.geometry.arm
     draft = draft if confirm is None else replace(draft, confirm=confirm)
 
     def points(of: Family, within: bool, time: Budget, count: int = _WITNESSES) -> Array:
@@ -797,7 +795,7 @@ def describe(
     # that has all is less.
     drawn = draft.confirm is None and any(b.equations for b in draft.branches)
     if drawn and (ratios(exact, found) > 1e-9).any():
-        return describe(group, maker, arm, geometry, OwnPoints(exact, touching=True))
+        return describe(group, maker, arm, OwnPoints(exact, touching=True))
     if not len(found):
         return draft
 
@@ -830,7 +828,7 @@ def describe(
         kind=kinds[0].kind if len(kinds) == 1 else "varies",
         kinds=kinds,
         reason="; ".join(str(d) for d in loss.dependences),
-        raw_ratio=None if geometry.exact else float(ratios(arm, found).max()),
+        raw_ratio=None if maker.geometry.exact else float(ratios(arm, found).max()),
     )
 
 

@@ -43,7 +43,14 @@ from pinsing.algebra.mimic import NotFollowed, drives
 from pinsing.algebra.ring import Poly, Ring, Value, ring_of
 from pinsing.errors import OptionError
 from pinsing.families.certificate import LONG, prove as add_proof, prove_briefly
-from pinsing.families.describe import PieceMaker, SolvedPiece, describe, mirror_key, stated
+from pinsing.families.describe import (
+    PieceMaker,
+    SolvedPiece,
+    describe,
+    joint_symbols,
+    mirror_key,
+    stated,
+)
 from pinsing.families.faithful import disagreements
 from pinsing.families.family import Family
 from pinsing.families.form import ClosedForm
@@ -208,21 +215,18 @@ _FEW = 6
 class ComponentSearch:
     """A search, and what its steps found: components, gaps, and what these rest on."""
 
-    def __init__(
-        self,
-        geometry: Nominal,
-        arm: Arm,
-        rank: int,
-        symbols: Sequence[str],
-        time: Budget,
-        angle_tol: float,
-    ) -> None:
-        self.geometry, self.arm, self.task, self.rank = geometry, arm, arm.task, rank
-        self.time, self._symbols, self._angle_tol = time, symbols, angle_tol
-        slides = tuple(bool(p) for p in arm.prismatic)
+    def __init__(self, geometry: Nominal, time: Budget, angle_tol: float) -> None:
+        self.geometry, self.arm, self.time, self._angle_tol = (
+            geometry,
+            geometry.arm,
+            time,
+            angle_tol,
+        )
+        self.task, self.rank = self.arm.task, generic_rank(self.arm)
+        slides = tuple(bool(p) for p in self.arm.prismatic)
         # Families are described after the search, in the same ring: polynomials with square roots
         # may take more time than the search.
-        self.ring = ring_of(slides, constants(geometry, arm.task), time.part(1.0, 1.2))
+        self.ring = ring_of(slides, constants(geometry, self.task), time.part(1.0, 1.2))
         self.maker = self.new_maker()
         self.components: list[Component] = []
         self.gaps: list[str] = []
@@ -255,8 +259,7 @@ class ComponentSearch:
 
     def new_maker(self) -> PieceMaker:
         """For points and equations of components, from the same random numbers each time."""
-        given = self.geometry, self.ring, self.rank, self._symbols
-        return PieceMaker(*given, self.time, self._angle_tol)
+        return PieceMaker(self.geometry, self.ring, self.time, self._angle_tol)
 
     def all_minors(self, time: Budget) -> Decomposition:
         """The components by all minors, as far as the time goes."""
@@ -560,7 +563,7 @@ def _found(
         )
     if not gaps and arm.n > 0 and rank > 0:
         # Share of the time that there is for finding components; describing them needs some too.
-        search = ComponentSearch(geometry, arm, rank, symbols, whole.part(0.9), angle_tol).run()
+        search = ComponentSearch(geometry, whole.part(0.9), angle_tol).run()
         maker = search.maker
         gaps += search.gaps
         # Share of the time that there is for describing families, however long finding them took.
@@ -576,7 +579,7 @@ def _found(
             # Share of what is left for describing families that one of them may take.
             maker.time = describing if i == len(grouped) else describing.part(0.5)
             if told or any(len(b.equations) > 1 for p in group for b in p.branches):
-                families.append(describe(group, maker, arm, geometry))
+                families.append(describe(group, maker, arm))
             else:
                 families.append(stated(group, maker, arm))
         families = [replace(f, name=f"F{i}") for i, f in enumerate(sorted(families, key=_order), 1)]
@@ -693,11 +696,6 @@ def _design(
         f"lengths stay symbols in chains of at most {MAX_JOINTS} joints, and this has {loaded.n}",
     )
     return design_form(of_arm(loaded, chosen, angle_tol), joint_symbols(loaded), seconds)
-
-
-def joint_symbols(arm: Arm) -> tuple[str, ...]:
-    """Return q1, q2, d3, ...: the joint's number from the base, d for prismatic joints."""
-    return tuple(f"{'d' if s else 'q'}{i}" for i, s in enumerate(arm.prismatic, 1))
 
 
 def _order(family: Family) -> tuple[int, int, int, tuple[str, ...]]:
