@@ -286,7 +286,7 @@ class SolvedFor:
 
 
 @dataclass(frozen=True)
-class _Way:
+class _Entry:
     """How an equation is stated for a joint that enters it once."""
 
     condition: str
@@ -295,7 +295,7 @@ class _Way:
     parts: dict[str, tuple[str, int]]  # what is named, and the function of the joint it is before
 
 
-def _way(kind: str) -> _Way:
+def _entry(kind: str) -> _Entry:
     """See ``Equation.enters``; c is on the other side."""
     half = "/2" if kind == "half" else ""
     radius = {"R cos φ": ("cos" + half, 1), "R sin φ": ("sin" + half, 1)}
@@ -303,10 +303,10 @@ def _way(kind: str) -> _Way:
     two = "φ ± arccos(c/R) where |c| <= R: one of two values"
     opposite = "φ ± 90°: one of two values, half a turn apart,"
     return {
-        "length": _Way("A {} = c", "c/A: one value", 1, {"A": ("pow", 1), **c}),
-        "half": _Way("R cos({}/2 - φ) = 0", "2 φ + 180°: one value", 1, radius),
-        "opposite": _Way("R cos({} - φ) = 0", opposite, 2, radius),
-        "two": _Way("R cos({} - φ) = c", two, 2, radius | c),
+        "length": _Entry("A {} = c", "c/A: one value", 1, {"A": ("pow", 1), **c}),
+        "half": _Entry("R cos({}/2 - φ) = 0", "2 φ + 180°: one value", 1, radius),
+        "opposite": _Entry("R cos({} - φ) = 0", opposite, 2, radius),
+        "two": _Entry("R cos({} - φ) = c", two, 2, radius | c),
     }[kind]
 
 
@@ -322,9 +322,9 @@ def _named(equation: Equation, joint: int, latex: bool = False) -> str:
 
 def _stated(equation: Equation, joint: int) -> tuple[str, str]:
     """The condition for a joint, and what follows for it."""
-    name, way = _named(equation, joint), _way(equation.enters(joint))
+    name, entry = _named(equation, joint), _entry(equation.enters(joint))
     others = listed([equation.joints[j] for j in equation.involved if j != joint])
-    return way.condition.format(name), f"{name} = {way.solution} given {others}"
+    return entry.condition.format(name), f"{name} = {entry.solution} given {others}"
 
 
 def solved(equation: Equation, joint: int | None = None) -> SolvedFor | None:
@@ -341,19 +341,19 @@ def _solved(equation: Equation, joint: int | None) -> SolvedFor | None:
         return None
     first = next(iter(kinds))
     chosen = next((j for j, kind in kinds.items() if kind in ("opposite", "half")), first)
-    way = _way(kinds[chosen])
+    entry = _entry(kinds[chosen])
 
     def parts(exact: bool, latex: bool) -> tuple[tuple[str, str], ...]:
         if (found := coefficients(equation, chosen, exact)) is None:
             return ()
         signed = (
             (name, {p: -x if name == "c" else x for p, x in found.get(function, {}).items()})
-            for name, function in way.parts.items()
+            for name, function in entry.parts.items()
         )
         return tuple((name, terms_text(terms, equation, latex)) for name, terms in signed)
 
     def in_latex(exact: bool) -> str:
-        form = r",\ ".join([way.condition, *(f"{name} = {{}}" for name in way.parts)])
+        form = r",\ ".join([entry.condition, *(f"{name} = {{}}" for name in entry.parts)])
         form = re.sub("(cos|sin) ?", r"\\\1 ", form).replace("φ", r"\varphi")
         return form.format(
             _named(equation, chosen, True), *(text for _, text in parts(exact, True))
@@ -363,7 +363,7 @@ def _solved(equation: Equation, joint: int | None) -> SolvedFor | None:
     return SolvedFor(
         joint=equation.joints[chosen],
         given=tuple(equation.joints[j] for j in equation.involved if j != chosen),
-        values=way.values,
+        values=entry.values,
         condition=condition,
         solution=solution,
         where=parts(False, False),
