@@ -13,6 +13,7 @@ import click
 from click.testing import CliRunner
 
 from pinsing.cli.mechanism import analyze_loops, loops_option, view_loops
+from pinsing.cli.options import joint_values
 from pinsing.cli.show import plot_loops
 from pinsing.errors import OptionError, PinsingError
 from pinsing.loops import (
@@ -81,7 +82,7 @@ def test_map_refuses_what_has_none():
 @pytest.mark.parametrize("kind", tiered(["map", "curves", "ellipsoids"], {"ellipsoids"}))
 def test_plots_are_written(kind, tmp_path):
     out = tmp_path / f"{kind}.png"
-    asked = [] if kind == "map" else ["60,60"]
+    asked = [] if kind == "map" else [joint_values("60,60", "--q", True)]
     plot_loops(LOOPS, kind=kind, out=out, configurations=asked, deg=True, dpi=50, **FIVE_BAR)
     assert out.stat().st_size > 5_000
 

@@ -10,6 +10,7 @@ from mechanisms import URDF, shipped
 from tiers import tiered
 from urdf_text import J, Y, frame, loop_text, written
 
+from pinsing.cli.options import joint_values
 from pinsing.cli.show import plot_loops
 from pinsing.errors import OptionError
 from pinsing.loops import home, mechanism_at, mode_of, refine
@@ -173,19 +174,25 @@ def run(name: str, out: Path, kind: str, **options: Any) -> None:
     plot_loops(URDF / f"{name}.loops.yaml", kind=kind, out=out, dpi=50, **robot, **options)
 
 
+def typed(text: str) -> Any:
+    return joint_values(text, "--q", False)
+
+
 def test_the_command_refuses_what_makes_no_sense(tmp_path: Path) -> None:
     out = tmp_path / "x.png"
     with pytest.raises(OptionError, match="--over goes with plot map"):
-        run("five_bar", out, "curves", over="x,y")
+        run("five_bar", out, "curves", over=("x", "y"))
     with pytest.raises(OptionError, match="use map, curves, ellipsoids or modes"):
         run("five_bar", out, "aspects")
     with pytest.raises(OptionError, match="--family does not go with plot --loops"):
         run("five_bar", out, "map", families=("F1",))
     for name in ("five_bar", "four_bar"):
         with pytest.raises(OptionError, match="--q does not go with this map"):
-            run(name, out, "map", configurations=["1.0,1.2" if name == "five_bar" else "0.5"])
+            run(
+                name, out, "map", configurations=[typed("1.0,1.2" if name == "five_bar" else "0.5")]
+            )
     with pytest.raises(OptionError, match="there is no mode to draw"):
-        run("five_bar", out, "modes", configurations=["1.7453,1.0472"])
+        run("five_bar", out, "modes", configurations=[typed("1.7453,1.0472")])
     assert not out.exists()
 
 

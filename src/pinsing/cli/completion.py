@@ -189,12 +189,11 @@ def _computed(ctx: click.Context) -> Iterator[tuple[str, str | None]]:
     from pinsing.robot.load import load
 
     given = ctx.params
-    chosen = given.get("joints")
     arm = load(
         _robot(ctx),
         tip=given.get("tip"),
         base=given.get("base"),
-        joints=None if chosen is None else tuple(name.strip() for name in chosen.split(",")),
+        joints=given.get("joints"),
         task="tool-axis" if given.get("tool_axis") else given.get("task") or "pose",
         tool_axis=given.get("tool_axis"),
         packages=dict(given.get("packages") or ()),

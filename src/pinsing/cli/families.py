@@ -26,16 +26,21 @@ from pinsing.cli.mechanism import (
     over_option,
 )
 from pinsing.cli.options import (
+    NAMES,
+    VECTOR,
+    WHOLE,
+    JointValues,
     RobotRequest,
+    Typed,
     arm_options,
+    at_joint,
+    chosen_for,
     command,
     deg_option,
     fail_option,
     in_degrees,
     joint_names,
-    joint_vector,
     json_option,
-    once_option,
     output_option,
     parse_numbers,
     verbose_option,
@@ -132,6 +137,25 @@ def prove_option(command: F) -> F:
     )(command)
 
 
+def _special(text: str, option: str, degrees: bool | None) -> tuple[float, ...]:
+    values = parse_numbers(text, option, degrees)
+    return tuple(map(math.radians, values) if degrees else values)
+
+
+def _levels(text: str, option: str, degrees: bool | None) -> tuple[int, ...]:
+    """``1,2`` or ``1-3`` as numbers."""
+    found: set[int] = set()
+    for part in text.split(","):
+        low, dash, high = part.strip().partition("-")
+        OptionError.refuse_if(
+            not low.isdigit() or (dash and not high.isdigit()),
+            f"{option} {text!r} is not of the form 1,2 or 1-3",
+        )
+        found.update(range(int(low), int(high if dash else low) + 1))
+    OptionError.refuse_if(not found, f"{option} {text!r} is empty; write it as 1,2 or 1-3")
+    return tuple(sorted(found))
+
+
 def sweep_options(quiet: bool = False) -> Callable[[F], F]:
     """Add the options of the sweep; they reach the command as keyword arguments of `sweep`."""
     # With ``quiet``, the notes of loading are left to the result, which repeats them.
@@ -142,23 +166,23 @@ def _with_sweep_options(command: F, *, quiet: bool) -> F:
 
     @click.option(
         "--nominal-q",
-        metavar="Q1,Q2,...",
+        type=VECTOR,
         help="Where joints stay while others are swept.  [default: a regular configuration]",
     )
     @click.option(
         "--special",
-        metavar="A,B,...",
+        type=Typed("A,B,...", _special),
         help="Special values of revolute joints.  [default: 0,pi/2,-pi/2,pi,-pi]",
     )
     @click.option(
         "--levels",
-        metavar="1,2 or 1-3",
+        type=Typed("1,2 or 1-3", _levels),
         help="How many joints are held at special values at a time.",
     )
     @click.option("--samples", type=click.IntRange(min=2), help="Points of each swept curve.")
     @click.option(
         "--sweep-joints",
-        metavar="A,B,...",
+        type=NAMES,
         shell_complete=completion.joints,
         help="Joints that take part in the sweep.",
     )
@@ -170,53 +194,30 @@ def _with_sweep_options(command: F, *, quiet: bool) -> F:
     @functools.wraps(command)
     def wrapper(
         request: RobotRequest,
-        nominal_q: str | None,
-        special: str | None,
-        levels: str | None,
+        nominal_q: JointValues | None,
+        special: tuple[float, ...] | None,
+        levels: tuple[int, ...] | None,
         samples: int | None,
-        sweep_joints: str | None,
+        sweep_joints: tuple[str, ...] | None,
         ignore_limits: bool,
         no_prune: bool,
         seed: int,
-        deg: bool,
         **rest: Any,
     ) -> Any:
-        # All that can be wrong without the robot is found before it is read.
-        chosen: dict[str, Any] = {
-            "ignore_limits": ignore_limits,
-            "prune": not no_prune,
-            "seed": seed,
-        }
-        if special is not None:
-            values = parse_numbers(special, "--special", deg)
-            chosen["special"] = tuple(map(math.radians, values) if deg else values)
-        if levels is not None:
-            chosen["levels"] = _levels(levels)
-        if samples is not None:
-            chosen["samples"] = samples
         click.get_current_context().obj = request
         arm = request.load(quiet)
-        if sweep_joints is not None:
-            chosen["joints"] = joint_names(arm, sweep_joints)
-        if nominal_q is not None:
-            chosen["nominal"] = joint_vector(arm, nominal_q, "--nominal-q", deg)
-        return command(arm, chosen, deg=deg, **rest)
+        chosen = chosen_for(
+            arm,
+            special=special,
+            levels=levels,
+            samples=samples,
+            joints=None if sweep_joints is None else joint_names(arm, sweep_joints),
+            nominal=nominal_q,
+        )
+        chosen |= {"ignore_limits": ignore_limits, "prune": not no_prune, "seed": seed}
+        return command(arm, chosen, **rest)
 
     return wrapper  # type: ignore[return-value]
-
-
-def _levels(text: str) -> tuple[int, ...]:
-    """``1,2`` or ``1-3`` as numbers."""
-    found: set[int] = set()
-    for part in text.split(","):
-        low, dash, high = part.strip().partition("-")
-        OptionError.refuse_if(
-            not low.isdigit() or (dash and not high.isdigit()),
-            f"--levels {text!r} is not of the form 1,2 or 1-3",
-        )
-        found.update(range(int(low), int(high if dash else low) + 1))
-    OptionError.refuse_if(not found, f"--levels {text!r} is empty; write it as 1,2 or 1-3")
-    return tuple(sorted(found))
 
 
 @command("sweep")
@@ -356,6 +357,19 @@ def analyze_command(
     return int(fail_if_singular and analysis.singular)
 
 
+def _steps(text: str, option: str, degrees: bool | None) -> Any:
+    """A number, or a function of an arm: numbers by joint."""
+    if "=" not in text:
+        return whole_number(text, option)
+    parts = [part.partition("=") for part in text.split(",")]
+    OptionError.refuse_if(
+        not all(name.strip() and equals for name, equals, _ in parts),
+        f"{option} {text!r} is not of the form 9 or A=9,B=5",
+    )
+    found = {name.strip(): whole_number(number, option) for name, _, number in parts}
+    return lambda arm: dict(zip(joint_names(arm, found), found.values(), strict=True))
+
+
 @command("map")
 @loops_option(map_loops)
 @arm_options
@@ -374,23 +388,23 @@ def analyze_command(
     show_default=True,
     help="clearance: bounds of the distance to the nearest family too.",
 )
-@click.option("--count", metavar="N", help="Configurations, such as 1e8.  [default: 2**20]")
-@click.option("--steps", metavar="N|A=N,...", help="Values of each joint in a grid.")
+@click.option("--count", type=WHOLE, help="Configurations, such as 1e8.  [default: 2**20]")
+@click.option("--steps", type=Typed("N|A=N,...", _steps), help="Values of each joint in a grid.")
 @click.option(
     "--map-joints",
-    metavar="A,B,...",
+    type=NAMES,
     shell_complete=completion.joints,
     help="Joints to map.  [default: all that matter]",
 )
 @click.option(
     "--range",
     "ranges",
-    metavar="JOINT=LOW,HIGH",
+    type=at_joint("JOINT=LOW,HIGH", 2),
     multiple=True,
     shell_complete=completion.joint_value,
     help="Range of a joint instead of its limits; repeatable.",
 )
-@once_option("--q", "q", metavar="Q1,Q2,...", help="Where joints that are not mapped stay.")
+@click.option("--q", "q", type=VECTOR, help="Where joints that are not mapped stay.")
 @click.option("--ignore-limits", is_flag=True, help="Ignore joint limits.")
 @click.option(
     "--worst",
@@ -400,7 +414,7 @@ def analyze_command(
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
 @click.option("--keep-values", is_flag=True, help="Keep all singular values in -o FOLDER too.")
-@click.option("--chunk", metavar="N", help="Configurations in a chunk.")
+@click.option("--chunk", type=WHOLE, help="Configurations in a chunk.")
 @place_options
 @deg_option
 @output_option(json_target=".json", out="/")
@@ -410,17 +424,17 @@ def map_command(
     request: RobotRequest,
     sampling: str,
     measure: str,
-    count: str | None,
-    steps: str | None,
-    map_joints: str | None,
-    ranges: tuple[str, ...],
-    q: str | None,
+    count: int | None,
+    steps: Any,
+    map_joints: tuple[str, ...] | None,
+    ranges: tuple[Callable[[Arm], Any], ...],
+    q: JointValues | None,
     ignore_limits: bool,
     worst: int | None,
     seed: int,
     out: Path | None,
     keep_values: bool,
-    chunk: str | None,
+    chunk: int | None,
     place: RunPlace,
     deg: bool,
     json_target: str | Path | None,
@@ -434,43 +448,31 @@ def map_command(
     mechanism, at inputs or poses of its output drawn at random (--count, --seed, --worst,
     --ignore-limits).
     """
-    # All that can be wrong without the robot is found before it is read.
-    chosen: dict[str, Any] = {"ignore_limits": ignore_limits, "seed": seed, "out": out}
-    chosen |= {"keep_values": keep_values, "measure": measure}
-    for name, text in (("count", count), ("chunk", chunk)):
-        if text is not None:
-            chosen[name] = whole_number(text, f"--{name}")
-    if worst is not None:
-        chosen["worst"] = worst
-    by_joint: int | dict[str, int] | None = None
-    if steps is not None:
-        by_joint = _steps(steps)
-    pairs = [_range(text, deg) for text in ranges]
     OptionError.refuse_if(
         keep_values and out is None, "--keep-values needs a folder to keep them in: give -o FOLDER"
     )
     arm = request.load()
-    if q is not None:
-        chosen["q"] = joint_vector(arm, q, "--q", deg)
-    if map_joints is not None:
-        chosen["joints"] = joint_names(arm, map_joints)
-    if isinstance(by_joint, dict):
-        by_joint = {joint_names(arm, name)[0]: count for name, count in by_joint.items()}
-    if by_joint is not None:
-        chosen["steps"] = by_joint
-    if pairs:
-        chosen["ranges"] = {}
-        for name, *ends in pairs:
-            joint = arm.joints[arm.space.index(name)]
-            turns = deg and not arm.prismatic[arm.joints.index(joint)]
-            chosen["ranges"][joint] = tuple(map(math.radians, ends) if turns else ends)
+    chosen = chosen_for(
+        arm,
+        count=count,
+        steps=steps,
+        joints=None if map_joints is None else joint_names(arm, map_joints),
+        ranges=dict(at(arm) for at in ranges) or None,
+        q=q,
+        worst=worst,
+        chunk=chunk,
+        out=out,
+    )
+    chosen |= {"ignore_limits": ignore_limits, "seed": seed, "keep_values": keep_values}
     from pinsing.sampling import sigma_map
     from pinsing.sampling.execute import ctrl_c_afterwards
 
     result = None
     try:
         with place.options() as where, run_progress() as progress, ctrl_c_afterwards():
-            result = sigma_map(arm, sampling, **chosen, **where, progress=progress, tell=say)
+            result = sigma_map(
+                arm, sampling, measure=measure, **chosen, **where, progress=progress, tell=say
+            )
     except KeyboardInterrupt:  # what is complete is told, however late that came
         if result is None:
             say_stopped(out)
@@ -481,29 +483,6 @@ def map_command(
         say_stopped(out)
         return STOPPED
     return int(fail_if_singular and result.singular > 0)
-
-
-def _steps(text: str) -> int | dict[str, int]:
-    if "=" not in text:
-        return whole_number(text, "--steps")
-    found = {}
-    for part in text.split(","):
-        name, equals, number = part.partition("=")
-        OptionError.refuse_if(
-            not equals or not name.strip(), f"--steps {text!r} is not of the form 9 or A=9,B=5"
-        )
-        found[name.strip()] = whole_number(number, "--steps")
-    return found
-
-
-def _range(text: str, deg: bool) -> tuple[str, float, float]:
-    name, equals, values = text.rpartition("=")
-    OptionError.refuse_if(
-        not equals or not name.strip(), f"--range {text!r} is not of the form JOINT=LOW,HIGH"
-    )
-    numbers = parse_numbers(values, "--range", deg)
-    OptionError.refuse_if(len(numbers) != 2, f"--range {text!r} needs two values: JOINT=LOW,HIGH")
-    return name.strip(), numbers[0], numbers[1]
 
 
 @command("families")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from pinsing.cli import STOPPED
-from pinsing.cli.options import in_degrees, loops_at_hand, loops_beside, parse_numbers, whole_number
+from pinsing.cli.options import JointValues, in_degrees, loops_at_hand, loops_beside
 from pinsing.cli.output import emit, emit_json, emit_lines, say
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.prose import Page
@@ -117,7 +117,7 @@ def _given(options: dict[str, Any], usual: dict[str, Any]) -> list[str]:
 def map_loops(
     loops: Path,
     over: str | None = None,
-    count: str | None = None,
+    count: int | None = None,
     seed: int = 0,
     worst: int | None = None,
     ignore_limits: bool = False,
@@ -137,7 +137,7 @@ def map_loops(
     mechanism = read(loops, options)
     if not ignore_limits:
         tell_of_limits(mechanism)
-    number = 10_000 if count is None else whole_number(count, "--count")
+    number = 10_000 if count is None else count
     found = mechanism_map(
         mechanism, over or "inputs", number, seed, worst=worst or 5, ignore_limits=ignore_limits
     )
@@ -290,31 +290,29 @@ def _tell_legs(found: Sequence[LegProof], certificate: Path | None, shown: bool)
 
 def view_loops(
     loops: Path,
-    poses: Sequence[str] = (),
+    poses: Sequence[JointValues] = (),
     analysis: Path | None = None,
     family: str | None = None,
     follow: Path | None = None,
     html: Path | None = None,
     png: Path | None = None,
-    size: str = "1200x900",
+    size: tuple[int, int] = (1200, 900),
     panel: bool = False,
     scale: float = 1.0,
     skeleton: bool = False,
     no_open: bool = False,
     host: str = "127.0.0.1",
     port: int | None = None,
-    deg: bool = False,
     **options: Any,
 ) -> None:
     """Open or write a page in which inputs are dragged, or a picture (``panel``: of the page)."""
-    from pinsing.cli.output import picture_size, served_ahead, stay, waiting, write_files
+    from pinsing.cli.output import served_ahead, stay, waiting, write_files
 
-    picture = picture_size(size)
     OptionError.refuse_if(
         follow is not None, "--follow shows serial arms alone: give --no-loops, or leave it out"
     )
     mechanism = read(loops, options)
-    inputs = typed_inputs(mechanism, poses, deg)
+    inputs = typed_inputs(mechanism, poses)
     saved = None if analysis is None else _saved(analysis, mechanism)
     live = html is None and png is None
     # What is typed and can still be refused is judged before a browser opens.
@@ -344,7 +342,7 @@ def view_loops(
                 viewer.show_inputs(inputs)
             if family is not None:
                 viewer.show_group(family)
-            write_files(viewer, html, png, picture, panel, at)
+            write_files(viewer, html, png, size, panel, at)
         if live:
             stay(viewer, stack.enter_context(page) if server is None else server)
 
@@ -395,20 +393,20 @@ def tell_of_limits(mechanism: Mechanism) -> None:
         say(f"note: {beyond}")
 
 
-def typed_inputs(mechanism: Mechanism, texts: Sequence[str], deg: bool) -> Array:
+def typed_inputs(mechanism: Mechanism, typed: Sequence[JointValues]) -> Array:
     """Inputs that were typed, or those of home."""
     import numpy as np
 
     from pinsing.loops import home
 
-    if not texts:
+    if not typed:
         return home(mechanism)[list(mechanism.actuated)]
-    OptionError.refuse_if(len(texts) > 1, "give --q once: the values of the actuated joints")
-    values = np.array(parse_numbers(texts[0], "--q", deg), dtype=float)
+    OptionError.refuse_if(len(typed) > 1, "give --q once: the values of the actuated joints")
+    values = np.array(typed[0].numbers)
     ConfigurationError.refuse_if(
         values.shape != (len(mechanism.inputs),),
         f"--q needs {len(mechanism.inputs)} values for the actuated joints "
         f"{', '.join(mechanism.inputs)}; got {len(values)}",
     )
     sliding = mechanism.prismatic[list(mechanism.actuated)]
-    return np.where(sliding | (not deg), values, np.radians(values))
+    return np.where(sliding | (not typed[0].degrees), values, np.radians(values))

@@ -27,8 +27,12 @@ import click
 from click.core import ParameterSource
 
 from pinsing.cli.options import (
+    VECTOR,
+    JointValues,
     RobotRequest,
+    Typed,
     arm_options,
+    chosen_for,
     command,
     deg_option,
     doubt_degrees,
@@ -37,10 +41,9 @@ from pinsing.cli.options import (
     in_degrees,
     joint_names,
     joint_speeds_option,
-    joint_vector,
+    joint_values,
     json_option,
     loops_at_hand,
-    once_option,
     output_option,
     parse_numbers,
     tip_speed_options,
@@ -173,27 +176,33 @@ def angle(text: str, option: str, degrees: bool | None) -> float:
     return math.radians(value) if unit in ("deg", "°") or (degrees and not unit) else value
 
 
+ANGLE = Typed("ANGLE", angle)
+
+
+def _columns(text: str, option: str, degrees: bool | None) -> tuple[str, ...]:
+    return tuple(word.strip() for word in text.split(","))
+
+
 def file_options(command: F) -> F:
     """Add how FILE, a trajectory, is read: see `read_samples`."""
     told = "Of the angles in FILE; by default as its head says, else of --deg or --rad."
     columns = "Columns of the joints, base to tip, by name or number from 1, and t=NAME for times."
-    command = click.option("--columns", metavar="A,B,...", help=columns)(command)
+    command = click.option("--columns", type=Typed("A,B,...", _columns), help=columns)(command)
     return click.option("--units", type=click.Choice(["rad", "deg"]), help=told)(command)
 
 
-def _in_degrees(deg: bool, units: str | None) -> bool | None:
+def _in_degrees(units: str | None) -> bool | None:
     """Return what --units, --deg or --rad says of angles; None where nothing was typed."""
-    return told_degrees(deg) if units is None else units == "deg"
+    return told_degrees() if units is None else units == "deg"
 
 
 def read_samples(
-    file: Path, arm: Arm, deg: bool, units: str | None, columns: str | None
+    file: Path, arm: Arm, units: str | None, columns: tuple[str, ...] | None
 ) -> TrajectoryFile:
     """Read a trajectory as the options say, and print what was assumed."""
     from pinsing.proximity.trajectory_file import read_trajectory
 
-    names = [] if columns is None else [word.strip() for word in columns.split(",")]
-    read = read_trajectory(file, arm, _in_degrees(deg, units), names)
+    read = read_trajectory(file, arm, _in_degrees(units), columns or ())
     for note in read.notes:
         say(f"note: {note}")
     return read
@@ -209,12 +218,12 @@ def read_samples(
     "--near",
     default="5deg",
     show_default=True,
-    metavar="ANGLE",
+    type=ANGLE,
     help="Report segments closer than this.",
 )
 @click.option(
     "--fail-within",
-    metavar="ANGLE",
+    type=ANGLE,
     help="Exit with code 1 unless it is proven to stay farther away than this.",
 )
 @click.option(
@@ -232,9 +241,9 @@ def check_command(
     follow: Path | None,
     deg: bool,
     units: str | None,
-    columns: str | None,
-    near: str,
-    fail_within: str | None,
+    columns: tuple[str, ...] | None,
+    near: float,
+    fail_within: float | None,
     families: tuple[str, ...],
     tip_speed: float,
     turn_speed: float,
@@ -254,8 +263,6 @@ def check_command(
 
     Example: pinsing check ur5 path.csv --deg --fail-within 3deg
     """
-    bound = angle(near, "--near", told_degrees(deg))
-    fail = None if fail_within is None else angle(fail_within, "--fail-within", told_degrees(deg))
     OptionError.refuse_if(
         follow is not None and loops_at_hand(request.robot),
         f"--follow judges serial arms alone: {request.robot} has closed loops",
@@ -275,13 +282,13 @@ def check_command(
         }
         if all(source(name) is ParameterSource.DEFAULT for name in speeds):
             speeds = {}
-        return _followed(arm, follow, _in_degrees(deg, units), bound, speeds | {"zones": zones})
+        return _followed(arm, follow, _in_degrees(units), near, speeds | {"zones": zones})
     OptionError.refuse_if(zones is not None, "--zones is for --follow STREAM")
     if file is None:
         raise OptionError("name the FILE of a trajectory, or --follow - for standard input")
     from pinsing.proximity.trajectory import check_trajectory, details, summary
 
-    read = read_samples(file, arm, deg, units, columns)
+    read = read_samples(file, arm, units, columns)
     with doing("looking for families"):
         form = closed_form(arm)
     with run_progress() as progress:
@@ -291,7 +298,7 @@ def check_command(
             read.t,
             forms=form,
             families=families or None,
-            near=bound,
+            near=near,
             tip_speed=tip_speed,
             turn_speed=turn_speed,
             joint_speeds=typed_speeds(arm, joint_speeds, turn_speed, deg),
@@ -319,7 +326,7 @@ def check_command(
         )
         viewer = Viewer(arm, form.families, shown=shown, coverage=said, host="127.0.0.1")
         show(viewer, html, view, no_open)
-    return int(fail is not None and not check.clearance > fail)
+    return int(fail_within is not None and not check.clearance > fail_within)
 
 
 def with_aspects(
@@ -399,11 +406,11 @@ def _ended_at_once() -> Iterator[None]:
 
 @command("at")
 @arm_options
-@once_option(
+@click.option(
     "--q",
     "q",
     required=True,
-    metavar="Q1,Q2,...",
+    type=VECTOR,
     help="Joint values, base to tip: radians (pi/2 is understood) and metres.",
 )
 @click.option(
@@ -437,7 +444,7 @@ def _ended_at_once() -> Iterator[None]:
 @fail_option
 def at_command(
     request: RobotRequest,
-    q: str,
+    q: JointValues,
     use_nominal: bool,
     rtol: float | None,
     near_rtol: float | None,
@@ -463,7 +470,7 @@ def at_command(
     from pinsing.proximity.clearance import distance_words
     from pinsing.robot.nominal import nominal
 
-    values = joint_vector(arm, q, "--q", deg)
+    values = q(arm)
     state = at(
         nominal(arm.design or arm).arm if use_nominal else arm,
         values,
@@ -606,12 +613,12 @@ def _distances(arm: Arm, q: Array) -> tuple[ClosedForm, Distances] | None:
 @click.option(
     "--near",
     "--q",
-    metavar="Q1,Q2,...",
+    type=VECTOR,
     help="A configuration that it should be near: radians (or --deg) and metres.",
 )
 @click.option(
     "--reach",
-    metavar="ANGLE",
+    type=ANGLE,
     help="How far from --near it may be, such as 30deg.  [default: 0.5rad]",
 )
 @click.option(
@@ -624,8 +631,8 @@ def _distances(arm: Arm, q: Array) -> tuple[ClosedForm, Distances] | None:
 @json_option
 def suggest_command(
     request: RobotRequest,
-    near: str | None,
-    reach: str | None,
+    near: JointValues | None,
+    reach: float | None,
     families: tuple[str, ...],
     seed: int,
     deg: bool,
@@ -638,13 +645,12 @@ def suggest_command(
     Example: pinsing at --suggest ur5 --near 0,-90,90,0,0,0 --deg
     """
     OptionError.refuse_if(reach is not None and near is None, "--reach is for use with --near")
-    from pinsing.proximity.clearance import REACH, suggest
-
-    radius = REACH if reach is None else angle(reach, "--reach", told_degrees(deg))
     arm = request.load()
-    start = None if near is None else joint_vector(arm, near, "--near", deg)
+    from pinsing.proximity.clearance import suggest
+
+    chosen = chosen_for(arm, near=near, reach=reach, families=families or None)
     with doing("searching for a configuration"):
-        found = suggest(arm, near=start, reach=radius, families=families or None, seed=seed)
+        found = suggest(arm, seed=seed, **chosen)
     if not emit_json(found, json_target):
         emit_lines(found.text(in_degrees(deg)))
 
@@ -678,11 +684,11 @@ def aspects_command(
 
 @command("postures")
 @arm_options
-@once_option(
+@click.option(
     "--q",
     "q",
     required=True,
-    metavar="Q1,Q2,...",
+    type=VECTOR,
     help="A configuration: joint values, base to tip, radians (or --deg) and metres.",
 )
 @_ignore_limits
@@ -692,7 +698,7 @@ def aspects_command(
 @output_option(json_target=".json", html=".html")
 def postures_command(
     request: RobotRequest,
-    q: str,
+    q: JointValues,
     ignore_limits: bool,
     view: bool,
     html: Path | None,
@@ -710,7 +716,7 @@ def postures_command(
     from pinsing.families import closed_form
     from pinsing.postures.changes import posture_changes
 
-    at = joint_vector(arm, q, "--q", deg)
+    at = q(arm)
     with doing("looking for other postures and paths to them, for a minute or so"):
         form = closed_form(arm)
         found = posture_changes(arm, at, forms=form, limits=not ignore_limits)
@@ -753,6 +759,62 @@ def cuspidal_command(
         emit_lines(found.text(in_degrees(deg)))
 
 
+def _ranges(text: str, option: str, degrees: bool | None) -> dict[str, tuple[float, float]]:
+    """Ranges by name from ``x=-0.1..0.1,yaw=-30..30``, in metres and radians."""
+    from pinsing.postures.placement import ANGLES
+
+    out: dict[str, tuple[float, float]] = {}
+    for part in text.split(","):
+        name, _, ends = (word.strip() for word in part.partition("="))
+        turns = name in ANGLES
+        values = parse_numbers(ends.replace("..", " "), f"{option} {name}", bool(degrees) and turns)
+        OptionError.refuse_if(
+            ends.count("..") != 1 or len(values) != 2 or name in out,
+            f"{option} {part!r}: write each range once, as in x=-0.1..0.1",
+        )
+        OptionError.refuse_if(
+            turns and not degrees and max(map(abs, values)) > 2 * math.pi,
+            f"{option} {part} is over a turn: for degrees add --deg",
+        )
+        low, high = (math.radians(v) if degrees and turns else v for v in values)
+        out[name] = (low, high)
+    return out
+
+
+def _pose(text: str, option: str, degrees: bool | None) -> list[float]:
+    """Three numbers, or six with roll, pitch, yaw, in metres and radians."""
+    values = parse_numbers(text, option, degrees)
+    OptionError.refuse_if(
+        len(values) not in (3, 6),
+        f"{option} needs 3 numbers (x, y, z) or 6 (and roll, pitch, yaw): {text!r}",
+    )
+    if degrees:
+        doubt_degrees(values[3:], option)
+    elif max(map(abs, values[3:]), default=0.0) > 2 * math.pi:
+        raise OptionError(f"{option} {text}: angles over a turn: for degrees add --deg")
+    return [*values[:3], *(map(math.radians, values[3:]) if degrees else values[3:])]
+
+
+def _frame(text: str, option: str, degrees: bool | None) -> Array:
+    """A pose (4, 4) from three numbers, or six with roll, pitch, yaw."""
+    import numpy as np
+    import pinocchio as pin
+
+    values = _pose(text, option, degrees)
+    if max(map(abs, values[:3])) > 20:
+        metres = ",".join(f"{x / 1000:g}" for x in values[:3])
+        raise OptionError(
+            f"{option} {text}: its lengths are metres, with --mm too: for millimetres type {metres}"
+        )
+    turn = pin.rpy.rpyToMatrix(np.array(values[3:] or [0.0] * 3))
+    return np.array(pin.SE3(turn, np.array(values[:3])).homogeneous)
+
+
+def _start(text: str, option: str, degrees: bool | None) -> JointValues | str:
+    """Joint values, or words: letters of numbers are pi at most."""
+    return text if re.search("[a-z]{3}", text) else joint_values(text, option, degrees)
+
+
 @command("path")
 @arm_options
 @click.argument("poses", type=click.Path(path_type=Path))
@@ -764,21 +826,33 @@ def cuspidal_command(
     help="What may be chosen: the rotation about the tool's z axis, a seventh joint, or only the "
     "inverse kinematics branch.",
 )
-@click.option("--step", default="1deg", show_default=True, metavar="ANGLE", help="Its grid.")
-@click.option("--tool", metavar="X,Y,Z[,R,P,Y]", help="Pose of the tool in the tip frame, metres.")
+@click.option(
+    "--step",
+    default="1deg",
+    show_default=True,
+    type=Typed("ANGLE", angle, degrees=True),
+    help="Its grid.",
+)
+@click.option(
+    "--tool",
+    type=Typed("X,Y,Z[,R,P,Y]", _frame),
+    default="0,0,0",
+    help="Pose of the tool in the tip frame, metres.",
+)
 @click.option(
     "--base-frame",
-    metavar="X,Y,Z[,R,P,Y]",
+    type=Typed("X,Y,Z[,R,P,Y]", _frame),
+    default="0,0,0",
     help="Frame of the poses, in the base frame of the robot, metres.",
 )
 @click.option(
     "--start",
-    metavar="Q1,Q2,...",
+    type=Typed("Q1,Q2,...", _start),
     help="Configuration at the first pose, or its posture: elbow up, wrist no-flip.",
 )
 @click.option(
     "--place",
-    metavar="x=A..B,yaw=A..B",
+    type=Typed("x=A..B,yaw=A..B", _ranges),
     help="Move the workpiece for more clearance (searched), in ranges of x, y, z (metres along the "
     "axes of the base) and roll, pitch, yaw (about them, through the middle of the path).",
 )
@@ -791,11 +865,11 @@ def path_command(
     poses: Path,
     csv: str | Path | None,
     free: str,
-    step: str,
-    tool: str | None,
-    base_frame: str | None,
-    start: str | None,
-    place: str | None,
+    step: float,
+    tool: Array,
+    base_frame: Array,
+    start: JointValues | str | None,
+    place: dict[str, tuple[float, float]] | None,
     feed: float | None,
     mm: bool,
     plot: Path | None,
@@ -812,12 +886,8 @@ def path_command(
     """
     import numpy as np
 
-    grid = angle(step, "--step", True)
     if feed is not None and not feed > 0:
         raise OptionError(f"--feed must be positive, got {feed:g}")
-    in_tip = _frame(tool, "--tool", deg)
-    in_base = _frame(base_frame, "--base-frame", deg)
-    ranges = None if place is None else _ranges(place, deg)
     arm = request.load()
     from pinsing.families.solve import form_to_measure
     from pinsing.postures.placement import read_poses
@@ -828,7 +898,7 @@ def path_command(
         not read.has_roll and free != "roll",
         f"{poses} has no rotation about the tool: add --free roll",
     )
-    T, t = in_base @ read.poses, read.t
+    T, t = base_frame @ read.poses, read.t
     if feed is not None:
         moved = np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1) / feed
         OptionError.refuse_if(
@@ -839,21 +909,19 @@ def path_command(
             t is not None, f"{poses} has times in a column t: leave out --feed, or the column"
         )
         t = np.concatenate([[0.0], np.cumsum(moved)])
-    q0: Array | str | None = start
-    if start is not None and not re.search("[a-z]{3}", start):  # letters of numbers are pi at most
-        q0 = joint_vector(arm, start, "--start", deg)
+    q0 = start(arm) if isinstance(start, JointValues) else start
     with waiting() as step_to:
-        free = free if free in ("roll", "branch") else joint_names(arm, free)[0]
+        free = free if free in ("roll", "branch") else joint_names(arm, [free])[0]
         step_to("families")
         form = form_to_measure(arm)
         plan = plan_path(
-            form, T, free=free, step=grid, start=q0, t=t, arm=arm, tool=in_tip, place=ranges,
+            form, T, free=free, step=step, start=q0, t=t, arm=arm, tool=tool, place=place,
             progress=lambda what, k, n: step_to(what, f"{100 * k // n} %"),
         )  # fmt: skip
     if not emit_json(plan, json_target):
         emit_lines(plan.text(in_degrees(deg)))
         if plan.placement is not None:
-            frame = _typed(plan.placement.transform @ in_base, deg)
+            frame = _typed(plan.placement.transform @ base_frame, deg)
             emit_lines(f"  The poses are then in --base-frame {frame}")
     if plan.reason:
         return 1
@@ -891,28 +959,6 @@ def _write(target: str | Path, text: str) -> None:
         write_text(target, text)
 
 
-def _ranges(text: str, degrees: bool) -> dict[str, tuple[float, float]]:
-    """Ranges by name from ``x=-0.1..0.1,yaw=-30..30``, in metres and radians."""
-    from pinsing.postures.placement import ANGLES
-
-    out: dict[str, tuple[float, float]] = {}
-    for part in text.split(","):
-        name, _, ends = (word.strip() for word in part.partition("="))
-        turns = name in ANGLES
-        values = parse_numbers(ends.replace("..", " "), f"--place {name}", degrees and turns)
-        OptionError.refuse_if(
-            ends.count("..") != 1 or len(values) != 2 or name in out,
-            f"--place {part!r}: write each range once, as in x=-0.1..0.1",
-        )
-        OptionError.refuse_if(
-            turns and not degrees and max(map(abs, values)) > 2 * math.pi,
-            f"--place {part} is over a turn: for degrees add --deg",
-        )
-        low, high = (math.radians(v) if degrees and turns else v for v in values)
-        out[name] = (low, high)
-    return out
-
-
 def _typed(T: Array, degrees: bool) -> str:
     """A pose (4, 4) as `_frame` reads it."""
     import pinocchio as pin
@@ -921,55 +967,20 @@ def _typed(T: Array, degrees: bool) -> str:
     return ",".join(f"{x + 0.0:.6g}" for x in (*T[:3, 3], *angles.round(9)))
 
 
-def _frame(text: str | None, option: str, degrees: bool) -> Array:
-    """A pose (4, 4) from three numbers, or six with roll, pitch, yaw; the identity from None."""
-    import numpy as np
-
-    T = np.eye(4)
-    if text is None:
-        return T
-    values = _pose(text, option, degrees)
-    if max(map(abs, values[:3])) > 20:
-        metres = ",".join(f"{x / 1000:g}" for x in values[:3])
-        raise OptionError(
-            f"{option} {text}: its lengths are metres, with --mm too: for millimetres type {metres}"
-        )
-    T[:3, 3] = values[:3]
-    if len(values) == 6:
-        import pinocchio as pin
-
-        T[:3, :3] = pin.rpy.rpyToMatrix(np.array(values[3:]))
-    return T
-
-
-def _pose(text: str, option: str, degrees: bool) -> list[float]:
-    """Three numbers, or six with roll, pitch, yaw, in metres and radians."""
-    values = parse_numbers(text, option, degrees)
-    OptionError.refuse_if(
-        len(values) not in (3, 6),
-        f"{option} needs 3 numbers (x, y, z) or 6 (and roll, pitch, yaw): {text!r}",
-    )
-    if degrees:
-        doubt_degrees(values[3:], option)
-    elif max(map(abs, values[3:]), default=0.0) > 2 * math.pi:
-        raise OptionError(f"{option} {text}: angles over a turn: for degrees add --deg")
-    return [*values[:3], *(map(math.radians, values[3:]) if degrees else values[3:])]
-
-
 @command("line")
 @arm_options
-@once_option(
+@click.option(
     "--q",
     "q",
     required=True,
-    metavar="Q1,Q2,...",
+    type=VECTOR,
     help="Where it starts: joint values, base to tip, radians (or --deg) and metres.",
 )
-@once_option(
+@click.option(
     "--to",
     "target",
     required=True,
-    metavar="X,Y,Z[,R,P,Y]",
+    type=Typed("X,Y,Z[,R,P,Y]", _pose),
     help="Target of the tip in the base frame: metres; roll, pitch, yaw, or as it is.",
 )
 @click.option(
@@ -980,8 +991,8 @@ def _pose(text: str, option: str, degrees: bool) -> list[float]:
 @fail_option
 def line_command(
     request: RobotRequest,
-    q: str,
-    target: str,
+    q: JointValues,
+    target: list[float],
     speed: float,
     deg: bool,
     json_target: str | Path | None,
@@ -991,20 +1002,20 @@ def line_command(
 
     Example: pinsing line ur5 --q 10,-70,75,-90,-80,0 --deg --to 0.3,0.2,0.5
     """
-    pose, degrees = _pose(target, "--to", deg), in_degrees(deg)
-    shown = [*pose[:3], *map(math.degrees, pose[3:])] if degrees else pose
+    degrees = in_degrees(deg)
+    shown = [*target[:3], *map(math.degrees, target[3:])] if degrees else target
     arm = request.load()
     from pinsing.families.solve import form_to_measure
     from pinsing.postures.changes import line_postures
     from pinsing.proximity.line import check_line, left_limits, line_details, line_summary, stopped
 
-    start = joint_vector(arm, q, "--q", deg)
+    start = q(arm)
     with doing("following the line"):
         form = form_to_measure(arm)
-        line = check_line(arm, start, pose, speed, forms=form)
+        line = check_line(arm, start, target, speed, forms=form)
     if line.outcome != "reached" or stopped(line) or left_limits(line):
         with doing("following the line from the other postures"):
-            line = replace(line, postures=line_postures(arm, start, pose, forms=form))
+            line = replace(line, postures=line_postures(arm, start, target, forms=form))
     if not emit_json(line, json_target):
         same = f"--to {','.join(f'{x:.6g}' for x in shown)} --speed {speed:g}"
         answer = line_summary(line, degrees, request.words, same)

@@ -7,10 +7,10 @@ import itertools
 import math
 import re
 import shlex
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 from click.core import ParameterSource
@@ -89,7 +89,6 @@ class RobotRequest:
     packages: dict[str, str]
     xacro_args: dict[str, str]
     tool_axis: str | None = None
-    units: Literal["rad"] | None = None
     design: str | None = None
     calibration: str | None = None
 
@@ -130,7 +129,7 @@ class RobotRequest:
             packages=self.packages,
             xacro_args=self.xacro_args,
             tool_axis=self.tool_axis,
-            units=self.units,
+            units=None if told_degrees() is None else "rad",
         )
         if self.calibration is not None:
             from pinsing.robot.calibration import calibrated
@@ -182,20 +181,54 @@ def _same_file(path: Path, robot: str) -> bool:
         return False
 
 
-class _Pair(ParamType):
-    """``NAME=VALUE`` with some separator."""
+class Typed(ParamType):
+    """What people type for an option, and ``read``, which makes a value of it.
 
-    def __init__(self, separator: str, example: str) -> None:
-        self.separator, self.example = separator, example
-        self.name = example
+    ``read`` takes the text, the option, and what is said of angles: True for degrees, False for
+    radians, None where neither ``--deg`` nor ``--rad`` was typed; ``degrees`` says it instead.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        read: Callable[[str, str, bool | None], Any],
+        degrees: bool | None = None,
+    ) -> None:
+        self.name, self.read, self.degrees = name, read, degrees
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if isinstance(value, tuple):
+        """Read a text; a default may be a value already."""
+        if not isinstance(value, str) or param is None or ctx is None:
             return value
-        name, found, rest = str(value).partition(self.separator)
+        degrees = told_degrees(ctx) if self.degrees is None else self.degrees
+        return self.read(value, param.opts[0], degrees)
+
+
+def _pair(separator: str, example: str) -> Typed:
+    """``NAME=VALUE`` with some separator."""
+
+    def read(text: str, option: str, degrees: bool | None) -> tuple[str, str]:
+        name, found, rest = text.partition(separator)
         if not found or not name.strip():
-            self.fail(f"{value!r} is not of the form {self.example}", param, ctx)
+            raise click.BadParameter(f"{text!r} is not of the form {example}")
         return name.strip(), rest
+
+    return Typed(example, read)
+
+
+def _names(text: str, option: str, degrees: bool | None) -> tuple[str, ...]:
+    """Words between commas."""
+    names = tuple(word.strip() for word in text.split(",") if word.strip())
+    OptionError.refuse_if(not names, f"{option} names no joint")
+    return names
+
+
+NAMES = Typed("A,B,...", _names)
+"""Joints, by name or place: see `joint_names`."""
+
+
+def _dict(ctx: click.Context, param: click.Parameter, pairs: Any) -> dict[str, Any]:
+    return dict(pairs)
 
 
 def arm_options(command: F) -> F:
@@ -216,7 +249,7 @@ def arm_options(command: F) -> F:
     )
     @click.option(
         "--joints",
-        metavar="A,B,...",
+        type=NAMES,
         shell_complete=completion.joints,
         help="Joints to keep free; the others are locked.",
     )
@@ -244,15 +277,17 @@ def arm_options(command: F) -> F:
     @click.option(
         "--package",
         "packages",
-        type=_Pair("=", "NAME=DIR"),
+        type=_pair("=", "NAME=DIR"),
         multiple=True,
+        callback=_dict,
         help="Folder of a ROS package; repeatable.",
     )
     @click.option(
         "--xacro-arg",
         "xacro_args",
-        type=_Pair(":=", "K:=V"),
+        type=_pair(":=", "K:=V"),
         multiple=True,
+        callback=_dict,
         help="Argument of a xacro file; repeatable.",
     )
     @click.option(
@@ -268,54 +303,24 @@ def arm_options(command: F) -> F:
         help="Calibration of a UR robot, as ur_calibration writes it; ROBOT is its design.",
     )
     @functools.wraps(command)
-    def wrapper(
-        robot: str,
-        tip: str | None,
-        base: str | None,
-        joints: str | None,
-        task: str,
-        tool_axis: str | None,
-        length_scale: float,
-        packages: tuple[tuple[str, str], ...],
-        xacro_args: tuple[tuple[str, str], ...],
-        design: str | None,
-        calibration: str | None,
-        **rest: Any,
-    ) -> Any:
-        names = None
-        if joints is not None:
-            names = tuple(name.strip() for name in joints.split(",") if name.strip())
-            OptionError.refuse_if(not names, "--joints names no joint")
-        for value in rest.values():
+    def wrapper(**options: Any) -> Any:
+        asked = {f.name: options.pop(f.name) for f in fields(RobotRequest) if f.name in options}
+        for value in options.values():
             OutputError.refuse_if(
-                isinstance(value, Path) and _same_file(value, robot),
+                isinstance(value, Path) and _same_file(value, asked["robot"]),
                 f"cannot write {value}: it is the robot itself",
             )
         source = click.get_current_context().get_parameter_source
-        if tool_axis is not None and source("task") is ParameterSource.DEFAULT:
-            task = "tool-axis"
-        said = source("deg") is ParameterSource.COMMANDLINE
-        request = RobotRequest(
-            robot,
-            tip,
-            base,
-            names,
-            task,
-            length_scale,
-            dict(packages),
-            dict(xacro_args),
-            tool_axis,
-            "rad" if said else None,
-            design,
-            calibration,
-        )
-        return command(request, **rest)
+        if asked["tool_axis"] is not None and source("task") is ParameterSource.DEFAULT:
+            asked["task"] = "tool-axis"
+        return command(RobotRequest(**asked), **options)
 
     return wrapper  # type: ignore[return-value]
 
 
 deg_option = click.option(
     "--deg/--rad",
+    is_eager=True,  # it says what the numbers of other options are
     help="Angles in degrees, typed and printed; or in radians, even where they only make sense in "
     "degrees.",
 )
@@ -434,7 +439,7 @@ def typed_speeds(arm: Arm, text: str | None, turn_speed: float, deg: bool) -> Ar
     turning = speeds[~arm.prismatic] if len(speeds) == arm.n else speeds[:0]
     other = np.degrees if deg else np.radians
     slow = deg and turning.size and turning.max() < 2 * math.pi
-    if slow or (turning.size and turning.min() > fast and told_degrees(deg) is None):
+    if slow or (turning.size and turning.min() > fast and told_degrees() is None):
         units = ("deg/s with --deg", "rad/s") if deg else ("rad/s without --deg", "deg/s")
         typed = ",".join(f"{x:.4g}" for x in np.where(arm.prismatic, speeds, other(speeds)))
         raise OptionError(f"--joint-speeds are in {units[0]}: for {units[1]} type {typed}")
@@ -472,27 +477,11 @@ def follow_option(what: str) -> Callable[[F], F]:
     )
 
 
-def once_option(*names: str, **options: Any) -> Callable[[F], F]:
-    """Add an option that may be given once: of two configurations none is dropped silently."""
-
-    def single(
-        ctx: click.Context, param: click.Parameter, values: tuple[str, ...] | None
-    ) -> str | None:
-        if not values:
-            return None
-        OptionError.refuse_if(
-            len(values) > 1, f"{names[0]} was given {len(values)} times; {ctx.info_name} takes one"
-        )
-        return values[0]
-
-    return click.option(*names, multiple=True, callback=single, **options)
-
-
-def parse_numbers(text: str, what: str, degrees: bool = False) -> list[float]:
+def parse_numbers(text: str, what: str, degrees: bool | None = False) -> list[float]:
     """Return numbers between commas or spaces; without ``degrees`` also ``pi/2``, ``3pi/4``."""
     words = [word for word in re.split(r"[,\s]+", text.strip().strip("[]()")) if word]
     ConfigurationError.refuse_if(not words, f"{what} has no number in it: {text!r}")
-    return [_number(word, what, degrees) for word in words]
+    return [_number(word, what, bool(degrees)) for word in words]
 
 
 def _number(word: str, what: str, degrees: bool) -> float:
@@ -512,22 +501,75 @@ def _number(word: str, what: str, degrees: bool) -> float:
         raise ConfigurationError(f"{said}: {fix}") from None
 
 
-def joint_vector(arm: Arm, text: str, what: str, degrees: bool) -> Array:
-    """Return the joint vector (n,) that the user typed, revolute joints from ``degrees``."""
-    import numpy as np
+@dataclass(frozen=True)
+class JointValues:
+    """Joint values as they were typed; called with an arm, its joint vector."""
 
-    from pinsing.proximity.crossings import FARTHEST
+    numbers: list[float]
+    option: str
+    degrees: bool  # of those that turn
 
-    q = arm.check(parse_numbers(text, what, degrees), what)
-    if (np.abs(q) > FARTHEST).any():
-        j = int(np.abs(q).argmax())
-        raise OptionError(
-            f"{what}: {arm.joints[j]} is {q[j]:g}; values beyond {FARTHEST:g} are no positions of "
-            "a joint"
+    def __call__(self, arm: Arm) -> Array:
+        """Return the joint vector (n,), radians and metres."""
+        import numpy as np
+
+        from pinsing.proximity.crossings import FARTHEST
+
+        q = arm.check(self.numbers, self.option)
+        if (np.abs(q) > FARTHEST).any():
+            j = int(np.abs(q).argmax())
+            raise OptionError(
+                f"{self.option}: {arm.joints[j]} is {q[j]:g}; values beyond {FARTHEST:g} are no "
+                "positions of a joint"
+            )
+        if not self.degrees:
+            return q
+        doubt_degrees(q[~arm.prismatic].tolist(), self.option)
+        return np.where(arm.prismatic, q, np.radians(q))
+
+
+def joint_values(text: str, option: str, degrees: bool | None) -> JointValues:
+    """Read joint values, base to tip."""
+    return JointValues(parse_numbers(text, option, degrees), option, bool(degrees))
+
+
+VECTOR = Typed("Q1,Q2,...", joint_values)
+"""A configuration: the command gets `JointValues`."""
+
+
+def at_joint(form: str, count: int = 0) -> Typed:
+    """``JOINT=V1,V2``, as ``form`` says, ``count`` values if not any number.
+
+    The command gets a function: of an arm, the joint and its values, radians or metres.
+    """
+
+    def read(text: str, option: str, degrees: bool | None) -> Callable[[Arm], Any]:
+        name, equals, values = text.rpartition("=")
+        OptionError.refuse_if(
+            not equals or not name.strip(), f"{option} {text!r} is not of the form {form}"
         )
-    if degrees:
-        doubt_degrees(q[~arm.prismatic].tolist(), what)
-    return np.where(arm.prismatic, q, np.radians(q)) if degrees else q
+        numbers = parse_numbers(values, option, degrees)
+        needed = "one value" if count == 1 else "two values"
+        OptionError.refuse_if(
+            count and len(numbers) != count, f"{option} {text!r} needs {needed}: {form}"
+        )
+        return functools.partial(_joint_at, name.strip(), numbers, bool(degrees))
+
+    return Typed(form, read)
+
+
+def _joint_at(
+    name: str, numbers: Sequence[float], degrees: bool, arm: Arm
+) -> tuple[str, tuple[float, ...]]:
+    j = arm.space.index(name)
+    turns = degrees and not arm.prismatic[j]
+    return arm.joints[j], tuple(map(math.radians, numbers) if turns else numbers)
+
+
+def chosen_for(arm: Arm, **options: Any) -> dict[str, Any]:
+    """Return the options that were given, those that need the arm called with it."""
+    given = ((name, value) for name, value in options.items() if value is not None)
+    return {name: value(arm) if callable(value) else value for name, value in given}
 
 
 def doubt_degrees(angles: Sequence[float], what: str) -> None:
@@ -536,13 +578,12 @@ def doubt_degrees(angles: Sequence[float], what: str) -> None:
         say(f"note: no angle of {what} exceeds 6.3°: if they are in radians, leave out --deg")
 
 
-def joint_names(arm: Arm, text: str) -> tuple[str, ...]:
-    """Joints between commas, by name or place: ``q2`` is the second joint."""
-    words = [word.strip() for word in text.split(",") if word.strip()]
+def joint_names(arm: Arm, words: Iterable[str]) -> tuple[str, ...]:
+    """Names of joints that are typed by name or place: ``q2`` is the second joint."""
     return tuple(arm.joints[arm.space.index(word)] for word in words)
 
 
-def whole_number(text: str, what: str) -> int:
+def whole_number(text: str, what: str, degrees: bool | None = None) -> int:
     """``100000``, ``1e8``, ``2**20``."""
     base, power, exponent = text.replace("_", "").partition("**")
     try:
@@ -558,10 +599,14 @@ def whole_number(text: str, what: str) -> int:
         raise OptionError(f"{what} {text!r} is not a whole number such as 1e8 or 2**20") from None
 
 
-def told_degrees(deg: bool) -> bool | None:
-    """Return what --deg or --rad says of a file; None where neither was typed."""
-    typed = click.get_current_context().get_parameter_source("deg")
-    return deg if typed is ParameterSource.COMMANDLINE else None
+WHOLE = Typed("N", whole_number)
+
+
+def told_degrees(context: click.Context | None = None) -> bool | None:
+    """Return what --deg or --rad says of angles; None where neither was typed."""
+    context = context or click.get_current_context()
+    typed = context.get_parameter_source("deg") is ParameterSource.COMMANDLINE
+    return context.params["deg"] if typed else None
 
 
 ROBOT = (
@@ -594,7 +639,7 @@ _OTHERS = {
 }
 """Options that people give to other commands, and what to do instead."""
 
-_VECTORS, _VALUES = ("--q", "--near", "--nominal-q", "--to"), "Q1,Q2,..."
+_VECTORS = ("--q", "--near", "--nominal-q", "--to")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
 
 
@@ -622,18 +667,14 @@ class GroupedCommand(click.Command):
             if option in _OTHERS and not any(option in p.opts for p in self.params):
                 raise OptionError(_OTHERS[option])
         for p in self.params:
+            times = sum(word.partition("=")[0] in p.opts for word in args)
+            OptionError.refuse_if(
+                isinstance(p.type, Typed) and not p.multiple and times > 1,
+                f"{p.opts[0]} was given {times} times; {ctx.info_name} takes one",
+            )
             if {*p.opts} & {*args} and {*p.secondary_opts} & {*args}:
                 raise OptionError(f"{p.opts[0]} and {p.secondary_opts[0]} exclude each other")
         return super().parse_args(ctx, _joined(args))
-
-    def invoke(self, ctx: click.Context) -> Any:
-        """Find slips of the pen in joint values before the robot is read."""
-        for p in self.params:
-            typed = ctx.params.get(p.name or "") if p.metavar == _VALUES else None
-            for text in [typed] if isinstance(typed, str) else typed or ():
-                if p.opts[0] in _VECTORS:
-                    parse_numbers(text, p.opts[0], ctx.params["deg"])
-        return super().invoke(ctx)
 
     def collect_usage_pieces(self, ctx: click.Context) -> list[str]:
         """Name the options that have to be given too."""

@@ -360,12 +360,12 @@ def _has_desktop() -> bool:
     return True
 
 
-def picture_size(text: str) -> tuple[int, int]:
+def picture_size(text: str, option: str, degrees: bool | None = None) -> tuple[int, int]:
     """Return width and height of ``1200x900``; OptionError for other text."""
     width, cross, height = text.lower().partition("x")
     OptionError.refuse_if(
         not (cross and width.isdigit() and height.isdigit()),
-        f"--size {text!r} is not of the form 1200x900",
+        f"{option} {text!r} is not of the form 1200x900",
     )
     return int(width), int(height)
 

@@ -18,16 +18,19 @@ from pinsing.cli.families import algebra_options, prove_option
 from pinsing.cli.mechanism import loops_option, read, tell_of_limits, typed_inputs, view_loops
 from pinsing.cli.motion import file_options, read_samples, with_aspects
 from pinsing.cli.options import (
+    NAMES,
+    VECTOR,
+    JointValues,
     RobotRequest,
+    Typed,
     arm_options,
+    at_joint,
     command,
     deg_option,
     follow_option,
     in_degrees,
     joint_names,
-    joint_vector,
     output_option,
-    parse_numbers,
     told_degrees,
     zones_option,
 )
@@ -70,10 +73,10 @@ def plot_loops(
     loops: Path,
     kind: str,
     out: Path,
-    configurations: Sequence[str] = (),
+    configurations: Sequence[JointValues] = (),
     dpi: int = 200,
     deg: bool = False,
-    over: str | None = None,
+    over: Sequence[str] | None = None,
     ignore_limits: bool = False,
     **options: Any,
 ) -> None:
@@ -102,10 +105,9 @@ def plot_loops(
     if ignore_limits:
         mechanism = mechanism.without_limits()
     tell_of_limits(mechanism)
-    inputs = typed_inputs(mechanism, configurations, deg)
+    inputs = typed_inputs(mechanism, configurations)
     off_screen()
-    names = None if over is None else [name.strip() for name in over.split(",")]
-    figure = _figure(mechanism, kind, inputs, bool(configurations), names, in_degrees(deg))
+    figure = _figure(mechanism, kind, inputs, bool(configurations), over, in_degrees(deg))
     save_figure(figure, out, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
 
 
@@ -114,7 +116,7 @@ def _figure(
     kind: str,
     inputs: Array,
     asked: bool,
-    names: list[str] | None,
+    names: Sequence[str] | None,
     degrees: bool,
 ) -> Any:
     import matplotlib.pyplot as plt
@@ -169,12 +171,13 @@ _STEPS = 400
     "--q",
     "configurations",
     multiple=True,
-    metavar="Q1,Q2,...",
+    type=VECTOR,
     help="Configuration: of the ellipsoids; where joints stay that a map or curves do not move; "
     "for along, the waypoints, at least two.",
 )
 @click.option(
     "--over",
+    type=NAMES,
     metavar="A,B",
     shell_complete=completion.joints,
     help="map, locus, aspects: the two joints, by name or q1, q2, ... curves: those that move. "
@@ -183,7 +186,7 @@ _STEPS = 400
 @click.option(
     "--fixed",
     multiple=True,
-    metavar="JOINT=VALUE",
+    type=at_joint("JOINT=VALUE", 1),
     shell_complete=completion.joint_value,
     help="curves: joint held at a special value; repeatable.",
 )
@@ -196,7 +199,7 @@ _STEPS = 400
 )
 @click.option(
     "--each",
-    metavar="JOINT=V1,V2,...",
+    type=at_joint("JOINT=V1,V2,..."),
     shell_complete=completion.joint_value,
     help="locus: values of a third joint, a curve for each.",
 )
@@ -224,11 +227,11 @@ def plot_command(
     request: RobotRequest,
     kind: str,
     out: Path,
-    configurations: tuple[str, ...],
-    over: str | None,
-    fixed: tuple[str, ...],
+    configurations: tuple[JointValues, ...],
+    over: tuple[str, ...] | None,
+    fixed: tuple[Callable[[Arm], Any], ...],
     families: tuple[str, ...],
-    each: str | None,
+    each: Callable[[Arm], Any] | None,
     ignore_limits: bool,
     motions: Any,
     measure: Any,
@@ -253,8 +256,7 @@ def plot_command(
 
     Example: pinsing plot map puma560 --over q2,q3 -o map.pdf
     """  # noqa: D301
-    given = None if over is None else [name for name in over.split(",") if name.strip()]
-    if kind in ("map", "aspects") and (given is None or len(given) != 2):
+    if kind in ("map", "aspects") and (over is None or len(over) != 2):
         what = "a map needs its" if kind == "map" else "aspects need their"
         raise OptionError(f"{what} two joints, such as --over q2,q3")
     OptionError.refuse_if(
@@ -267,7 +269,7 @@ def plot_command(
         each is not None and kind != "locus", f"--each is for locus, not for {kind}"
     )
     OptionError.refuse_if(
-        kind == "locus" and (len(families) != 1 or (given is not None and len(given) != 2)),
+        kind == "locus" and (len(families) != 1 or (over is not None and len(over) != 2)),
         "a locus needs one family, such as --family F1, and two joints if any",
     )
     OptionError.refuse_if(
@@ -278,9 +280,9 @@ def plot_command(
     arm = request.load()
     joints = None if over is None else list(joint_names(arm, over))
     off_screen()
-    vectors = [joint_vector(arm, text, "--q", deg) for text in configurations]
+    vectors = [values(arm) for values in configurations]
     q = vectors[0] if vectors else None
-    held = dict(_fixed(arm, text, deg) for text in fixed)
+    held = {joint: value for joint, (value,) in (typed(arm) for typed in fixed)}
     shown = _families(arm, families) if families else None
     degrees = in_degrees(deg)
     plane: dict[str, Any] = {"q": q, "ignore_limits": ignore_limits, "degrees": degrees}
@@ -291,7 +293,7 @@ def plot_command(
     elif kind == "aspects":
         axes = plot.aspect_plane(arm, *(joints or ()), **plane)
     elif kind == "locus":
-        third, values = (None, None) if each is None else _joint_values(arm, each, "--each", deg)
+        third, values = (None, None) if each is None else each(arm)
         family = _only(shown or [], families[0])
         axes = plot.locus(arm, family, *(joints or ()), third=third, values=values, **plane)
     elif kind == "solutions":
@@ -345,24 +347,6 @@ def _only(found: list[Family], name: str) -> Family:
     return found[0]
 
 
-def _fixed(arm: Arm, text: str, deg: bool) -> tuple[str, float]:
-    name, values = _joint_values(arm, text, "--fixed", deg)
-    OptionError.refuse_if(len(values) != 1, f"--fixed {text!r} needs one value")
-    return name, values[0]
-
-
-def _joint_values(arm: Arm, text: str, option: str, deg: bool) -> tuple[str, list[float]]:
-    """``JOINT=V1,V2`` as a name and radians or metres."""
-    import math
-
-    name, equals, numbers = text.partition("=")
-    OptionError.refuse_if(not equals, f"{option} {text!r} is not of the form JOINT=VALUE")
-    (name,) = joint_names(arm, name) or ("",)
-    values = parse_numbers(numbers, option, deg)
-    turns = deg and not arm.prismatic[arm.joints.index(name)]
-    return name, [math.radians(v) if turns else float(v) for v in values]
-
-
 PAGES = ("inside", "beside", "none")
 
 
@@ -372,8 +356,7 @@ def _report_loops(
     pdf: Path | None = None,
     page: str = "inside",
     skeleton: bool = False,
-    poses: tuple[str, ...] = (),
-    deg: bool = False,
+    poses: tuple[JointValues, ...] = (),
     prove: Prove = "auto",
     **options: Any,
 ) -> None:
@@ -389,8 +372,8 @@ def _report_loops(
         )
     mechanism = read(loops, options)
     given = {
-        f"given configuration {k}": typed_inputs(mechanism, [text], deg)
-        for k, text in enumerate(poses, 1)
+        f"given configuration {k}": typed_inputs(mechanism, [values])
+        for k, values in enumerate(poses, 1)
     }
     _write(mechanism, html, pdf, page, skeleton, given, None)
 
@@ -411,7 +394,7 @@ def _report_loops(
     "--q",
     "poses",
     multiple=True,
-    metavar="Q1,Q2,...",
+    type=VECTOR,
     shell_complete=completion.files,
     help="Judge this configuration too; repeatable.",
 )
@@ -432,10 +415,10 @@ def report_command(
     pdf: Path | None,
     page: str,
     skeleton: bool,
-    poses: tuple[str, ...],
+    poses: tuple[JointValues, ...],
     trajectory: Path | None,
     units: str | None,
-    columns: str | None,
+    columns: tuple[str, ...] | None,
     zones: Any,
     prove: Prove,
     algebra: dict[str, Any],
@@ -453,10 +436,7 @@ def report_command(
     """
     _check_pdf(pdf)
     arm = request.load()
-    given = {
-        f"given configuration {k}": joint_vector(arm, text, "--q", deg)
-        for k, text in enumerate(poses, 1)
-    }
+    given = {f"given configuration {k}": values(arm) for k, values in enumerate(poses, 1)}
     from pinsing.families import closed_form
     from pinsing.proximity.trajectory import check_trajectory
     from pinsing.report.arm_report import Trajectory
@@ -464,7 +444,7 @@ def report_command(
     OptionError.refuse_if(
         trajectory is None and (units or columns), "--units and --columns are of --trajectory FILE"
     )
-    way = None if trajectory is None else read_samples(trajectory, arm, deg, units, columns)
+    way = None if trajectory is None else read_samples(trajectory, arm, units, columns)
     forms = closed_form(arm, **algebra, prove=prove)
     judged = None
     if way is not None and trajectory is not None:
@@ -477,8 +457,10 @@ def report_command(
     file = "path.csv"
     if judged is not None:
         emit_lines("\n".join([*judged.answer, ""]))
-        typed = {None: [], True: ["--deg"], False: ["--rad"]}[told_degrees(deg)]
-        typed += [f"--units={units}"] * bool(units) + [f"--columns={columns}"] * bool(columns)
+        typed = {None: [], True: ["--deg"], False: ["--rad"]}[told_degrees()]
+        typed += [f"--units={units}"] * bool(units) + [
+            f"--columns={','.join(columns or ())}"
+        ] * bool(columns)
         file = shlex.join([str(trajectory), *typed])
     emit(answer_text(forms, Page.of(), request.words, file))
 
@@ -535,7 +517,7 @@ _PICTURE = 0.05
     "--q",
     "poses",
     multiple=True,
-    metavar="Q1,Q2,...",
+    type=VECTOR,
     help="Show this configuration, first in the list; repeatable.",
 )
 @click.option(
@@ -555,7 +537,11 @@ _PICTURE = 0.05
 @click.option("--scale", type=float, default=1.0, show_default=True, help="Size of the ellipsoids.")
 @click.option("--skeleton", is_flag=True, help="Without meshes: small pages.")
 @click.option(
-    "--size", default="1200x900", show_default=True, metavar="WxH", help="Of the picture."
+    "--size",
+    default="1200x900",
+    show_default=True,
+    type=Typed("WxH", picture_size),
+    help="Of the picture.",
 )
 @click.option("--panel", is_flag=True, help="Include the side panel in the picture.")
 @click.option("--no-open", is_flag=True, help="Do not open a browser.")
@@ -565,7 +551,7 @@ _PICTURE = 0.05
 @output_option(html=".html", png=".png")
 def view_command(
     request: RobotRequest,
-    poses: tuple[str, ...],
+    poses: tuple[JointValues, ...],
     analysis: Path | None,
     family: str | None,
     zones: Zones | None,
@@ -574,7 +560,7 @@ def view_command(
     skeleton: bool,
     html: Path | None,
     png: Path | None,
-    size: str,
+    size: tuple[int, int],
     panel: bool,
     no_open: bool,
     host: str,
@@ -592,12 +578,11 @@ def view_command(
 
     Example: pinsing view ur5 --q 0,-90,90,0,0,0 --deg
     """
-    picture = picture_size(size)
     OptionError.refuse_if(
         follow is not None and (html or png), "--follow needs a page that is served: leave out -o"
     )
     arm = request.load()
-    vectors = [joint_vector(arm, text, "--q", deg) for text in poses]
+    vectors = [values(arm) for values in poses]
     saved = None if analysis is None else _read(analysis, arm)
     live = html is None and png is None
     # What is typed and can still be refused is judged before a browser opens.
@@ -635,9 +620,9 @@ def view_command(
                 say(f"note: {note}")
             if family is not None:
                 viewer.show_family(family)
-            write_files(viewer, html, png, picture, panel, at)
+            write_files(viewer, html, png, size, panel, at)
         if live:
-            lead = None if follow is None else partial(_lead, viewer, follow, told_degrees(deg))
+            lead = None if follow is None else partial(_lead, viewer, follow, told_degrees())
             stay(viewer, stack.enter_context(page) if server is None else server, lead)
 
 
