@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import functools
 import math
@@ -15,7 +14,7 @@ import click
 
 from pinsing.cli import STOPPED
 from pinsing.cli.options import JointValues, in_degrees, loops_at_hand, loops_beside
-from pinsing.cli.output import emit, emit_json, emit_lines, say
+from pinsing.cli.output import emit, emit_json, emit_lines, say, show_page
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.prose import Page
 
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
     from pinsing.loops.joint_loci import LegProof
     from pinsing.measures import Array
     from pinsing.robot.mechanism import Mechanism
+    from pinsing.view.mechanism_viewer import MechanismViewer
 
 _ARM_MAPS: dict[str, Any] = {
     "sampling": "sobol", "measure": "sigma", "steps": None, "map_joints": None, "ranges": (),
@@ -296,55 +296,41 @@ def view_loops(
     follow: Path | None = None,
     html: Path | None = None,
     png: Path | None = None,
-    size: tuple[int, int] = (1200, 900),
-    panel: bool = False,
     scale: float = 1.0,
     skeleton: bool = False,
-    no_open: bool = False,
-    host: str = "127.0.0.1",
-    port: int | None = None,
     **options: Any,
 ) -> None:
     """Open or write a page in which inputs are dragged, or a picture (``panel``: of the page)."""
-    from pinsing.cli.output import served_ahead, stay, waiting, write_files
-
     OptionError.refuse_if(
         follow is not None, "--follow shows serial arms alone: give --no-loops, or leave it out"
     )
     mechanism = read(loops, options)
     inputs = typed_inputs(mechanism, poses)
     saved = None if analysis is None else _saved(analysis, mechanism)
-    live = html is None and png is None
     # What is typed and can still be refused is judged before a browser opens.
     late = bool(poses) or family is not None or not 0 < scale < math.inf
-    with contextlib.ExitStack() as stack:
-        page = served_ahead(mechanism.name, host, port, no_open)
-        server = stack.enter_context(page) if live and not late else None
+
+    def made(at: Callable[[str], None]) -> MechanismViewer:
         # Imports that the browser does not wait for.
         from pinsing.loops import analyze_mechanism
         from pinsing.view.mechanism_viewer import MechanismViewer
 
-        with waiting() as at:
-            at("finding the singular configurations")
-            found = saved or analyze_mechanism(mechanism, inputs if poses else None)
-            if found.missing:  # Ctrl-C
-                raise KeyboardInterrupt
-            at("preparing the page")
-            viewer = stack.enter_context(
-                MechanismViewer(
-                    mechanism, found, scale=scale, skeleton=skeleton, host=host, port=port
-                )
-            )
-            at("")
-            for note in viewer.notes:
-                say(f"note: {note}")
-            if poses:
-                viewer.show_inputs(inputs)
-            if family is not None:
-                viewer.show_group(family)
-            write_files(viewer, html, png, size, panel, at)
-        if live:
-            stay(viewer, stack.enter_context(page) if server is None else server)
+        at("finding the singular configurations")
+        found = saved or analyze_mechanism(mechanism, inputs if poses else None)
+        if found.missing:  # Ctrl-C
+            raise KeyboardInterrupt
+        at("preparing the page")
+        viewer = MechanismViewer(mechanism, found, scale=scale, skeleton=skeleton)
+        if poses:
+            viewer.show_inputs(inputs)
+        if family is not None:
+            viewer.show_group(family)
+        return viewer
+
+    live = html is None and png is None
+    asked = ("size", "panel", "host", "port", "no_open")
+    page = {name: options[name] for name in asked if name in options}
+    show_page(mechanism.name, made, live, late=late, html=html, png=png, **page)
 
 
 def _saved(path: Path, mechanism: Mechanism) -> MechanismAnalysis:

@@ -63,7 +63,7 @@ from pinsing.cli.output import (
     run_progress,
     save_figure,
     say,
-    show,
+    show_page,
     waiting,
 )
 from pinsing.errors import ConfigurationError, OptionError, PinsingError
@@ -324,8 +324,8 @@ def check_command(
         shown = trajectory_data(
             arm, check, read.Q, read.t, name=file.name, robot=request.words, notes=read.notes
         )
-        viewer = Viewer(arm, form.families, shown=shown, coverage=said, host="127.0.0.1")
-        show(viewer, html, view, no_open)
+        viewer = Viewer(arm, form.families, shown=shown, coverage=said)
+        show_page(arm.name, lambda at: viewer, view, html=html, no_open=no_open)
     return int(fail_within is not None and not check.clearance > fail_within)
 
 
@@ -727,8 +727,8 @@ def postures_command(
         from pinsing.view.viewer import Viewer
 
         said = coverage_words(form)
-        viewer = Viewer(arm, form.families, postures=found, coverage=said, host="127.0.0.1")
-        show(viewer, html, view, no_open)
+        viewer = Viewer(arm, form.families, postures=found, coverage=said)
+        show_page(arm.name, lambda at: viewer, view, html=html, no_open=no_open)
 
 
 @command("cuspidal")

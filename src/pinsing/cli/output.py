@@ -309,48 +309,53 @@ def served_ahead(name: str, host: str, port: int | None, no_open: bool) -> Itera
         server.close()
 
 
-def show(tab: Tab, html: Path | None, view: bool, no_open: bool) -> None:
-    """Write the page of a result, serve it on this computer, or both."""
-    with tab:
-        for note in tab.notes:
-            say(f"note: {note}")
-        write_files(tab, html)
-        if view:
-            with served_ahead(tab.name, "127.0.0.1", None, no_open) as server:
-                stay(tab, server)
-
-
-def stay(tab: Tab, server: Server, lead: Callable[[], None] | None = None) -> None:
-    """Give a tab to a server that runs, and lead it, until the user has seen enough."""
-    from pinsing.view.tab import hand_over
-
-    hand_over(tab, server)
-    say("press Ctrl-C to end")
-    if lead is not None:
-        lead()
-    while True:
-        time.sleep(3600)
-
-
-def write_files(
-    tab: Tab,
-    html: Path | None,
+def show_page(
+    name: str,
+    make: Callable[[Callable[[str], None]], Tab],
+    live: bool,
+    *,
+    late: bool = True,
+    html: Path | None = None,
     png: Path | None = None,
     size: tuple[int, int] = (1200, 900),
     panel: bool = False,
-    at: Callable[[str], object] = str,
+    host: str = "127.0.0.1",
+    port: int | None = None,
+    no_open: bool = False,
+    lead: Callable[[Any], None] | None = None,
 ) -> None:
-    """Write the page, a picture of it, or both; ``at`` is told what is being done."""
-    if html is not None:
-        at("writing the page")
-        tab.save_html(html)
-        at("")
-        say(f"wrote {html}")
-    if png is not None:
-        at("taking the picture in Chromium")
-        tab.save_png(png, size, panel)
-        at("")
-        say(f"wrote {png}")
+    """Write the page that ``make`` gives, a picture of it, and serve it if ``live``.
+
+    ``make`` is given what shows the step it is at. The browser opens before unless ``late``; what
+    can be refused is judged by then. ``lead`` is called with the page that is served.
+    """
+    with contextlib.ExitStack() as stack:
+        page = served_ahead(name, host, port, no_open)
+        server = stack.enter_context(page) if live and not late else None
+        with waiting() as at:
+            tab = stack.enter_context(make(at))
+            at("")
+            for note in tab.notes:
+                say(f"note: {note}")
+            if html is not None:
+                at("writing the page")
+                tab.save_html(html)
+                at("")
+                say(f"wrote {html}")
+            if png is not None:
+                at("taking the picture in Chromium")
+                tab.save_png(png, size, panel)
+                at("")
+                say(f"wrote {png}")
+        if live:
+            from pinsing.view.tab import hand_over
+
+            hand_over(tab, server or stack.enter_context(page))
+            say("press Ctrl-C to end")
+            if lead is not None:
+                lead(tab)
+            while True:
+                time.sleep(3600)
 
 
 def _has_desktop() -> bool:

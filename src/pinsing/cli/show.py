@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import shlex
 import time
@@ -43,10 +42,7 @@ from pinsing.cli.output import (
     read_json,
     save_figure,
     say,
-    served_ahead,
-    stay,
-    waiting,
-    write_files,
+    show_page,
 )
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.prose import Page
@@ -560,12 +556,8 @@ def view_command(
     skeleton: bool,
     html: Path | None,
     png: Path | None,
-    size: tuple[int, int],
-    panel: bool,
-    no_open: bool,
-    host: str,
-    port: int | None,
     deg: bool,
+    **page: Any,
 ) -> None:
     """Show ROBOT at its singular configurations: poses, ellipsoids, lost motion.
 
@@ -584,12 +576,10 @@ def view_command(
     arm = request.load()
     vectors = [values(arm) for values in poses]
     saved = None if analysis is None else _read(analysis, arm)
-    live = html is None and png is None
     # What is typed and can still be refused is judged before a browser opens.
     late = family is not None or zones is not None or not 0 < scale < math.inf
-    with contextlib.ExitStack() as stack:
-        page = served_ahead(arm.name, host, port, no_open)
-        server = stack.enter_context(page) if live and not late else None
+
+    def made(at: Callable[[str], None]) -> Viewer:
         # Half a second of imports, which the browser does not wait for.
         from pinsing.view.scene import read_links_ahead
 
@@ -598,32 +588,25 @@ def view_command(
         from pinsing.families.form import coverage_words
         from pinsing.view.viewer import Viewer
 
-        with waiting() as at:
-            families, findings, form = _find(arm, at) if saved is None else saved
-            at("preparing the page")
-            viewer = stack.enter_context(
-                Viewer(
-                    arm,
-                    families,
-                    vectors,
-                    findings,
-                    coverage=coverage_words(form),
-                    zones=zones or form.tube,
-                    scale=scale,
-                    skeleton=skeleton,
-                    host=host,
-                    port=port,
-                )
-            )
-            at("")
-            for note in viewer.notes:
-                say(f"note: {note}")
-            if family is not None:
-                viewer.show_family(family)
-            write_files(viewer, html, png, size, panel, at)
-        if live:
-            lead = None if follow is None else partial(_lead, viewer, follow, told_degrees())
-            stay(viewer, stack.enter_context(page) if server is None else server, lead)
+        families, findings, form = _find(arm, at) if saved is None else saved
+        at("preparing the page")
+        viewer = Viewer(
+            arm,
+            families,
+            vectors,
+            findings,
+            coverage=coverage_words(form),
+            zones=zones or form.tube,
+            scale=scale,
+            skeleton=skeleton,
+        )
+        if family is not None:
+            viewer.show_family(family)
+        return viewer
+
+    lead = None if follow is None else partial(_lead, file=follow, degrees=told_degrees())
+    live = html is None and png is None
+    show_page(arm.name, made, live, late=late, html=html, png=png, lead=lead, **page)
 
 
 def _lead(viewer: Viewer, file: Path, degrees: bool | None) -> None:
