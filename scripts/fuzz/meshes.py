@@ -73,10 +73,11 @@ def mesh(rngs: list[random.Random], folder: Path) -> Ended:
     for read in found.values():
         if isinstance(read, str):
             said = refused(read)[1]
-        elif len(read.vertices) and not (
-            np.isfinite(read.vertices).all()
-            and read.faces.min() >= 0
-            and read.faces.max() < len(read.vertices)
+        elif not all(
+            np.isfinite(part.vertices).all()
+            and part.faces.min() >= 0
+            and part.faces.max() < len(part.vertices)
+            for part in read
         ):
             raise Wrong("a mesh that is not one")
     return ("refused" if said else "result"), said

@@ -11,8 +11,8 @@ import pytest
 import pinsing
 from pinsing.description import files as references
 from pinsing.view import collada as collada_reader, meshes
-from pinsing.view.collada import NotPlainError, Painted, read_collada
-from pinsing.view.meshes import Mesh, read_meshes
+from pinsing.view.collada import NotPlainError, Painted, packed, read_collada
+from pinsing.view.meshes import read_meshes
 from pinsing.view.scene import Recorder, SceneNode, _surface, draw_links, read_links
 
 pytestmark = pytest.mark.filterwarnings("ignore:the matrix subclass")  # pycollada's
@@ -54,7 +54,7 @@ def read(text: str) -> tuple[Painted, ...]:
 
 
 def corners_of(part: Painted) -> np.ndarray:
-    return part.vertices[:, :3] * part.step + np.array(part.middle)
+    return part.vertices[:, :3] * part.place[3] + part.place[:3]
 
 
 def area(vertices: np.ndarray, faces: np.ndarray) -> float:
@@ -65,7 +65,7 @@ def area(vertices: np.ndarray, faces: np.ndarray) -> float:
 def test_a_polygon_is_painted_and_placed_by_its_node() -> None:
     node = "<translate>0 0 5</translate><rotate>1 0 0 90</rotate><scale>2 2 2</scale>"
     (part,) = read(collada(node=node))
-    assert (part.paint.color, len(part.faces)) == (0xFF8000, 2)
+    assert (part.paint[0], len(part.faces)) == (0xFF8000, 2)
     # Scaled by two, turned about x (y becomes z), lifted by five.
     corners = {tuple(row) for row in np.round(corners_of(part), 3) + 0.0}
     assert corners == {(0, 0, 5), (2, 0, 5), (2, 0, 7), (0, 0, 7)}
@@ -84,7 +84,7 @@ def test_a_polygon_is_painted_and_placed_by_its_node() -> None:
 )
 def test_opacity_is_that_of_the_specification(more: str, opacity: float) -> None:
     (part,) = read(collada(more=more))
-    assert part.paint.opacity == pytest.approx(opacity)
+    assert part.paint[4] == pytest.approx(opacity)
 
 
 @pytest.mark.parametrize(
@@ -136,17 +136,21 @@ def test_meshes_of_robots_are_those_that_assimp_reads() -> None:
 
 def read_painted(file: Path) -> tuple[Painted, ...]:
     mesh = read_meshes([file])[file]
-    assert isinstance(mesh, Mesh), mesh
-    return mesh.painted
+    assert not isinstance(mesh, str), mesh
+    return mesh
 
 
 def test_a_cache_of_something_else_is_not_taken(tmp_path, monkeypatch):
     monkeypatch.setenv("PINSING_CACHE", str(tmp_path / "cache"))
     file = tmp_path / "square.dae"
     file.write_text(collada())
-    monkeypatch.setattr(meshes, "kept", lambda folder, key: (b'[{"vertices": 9}]', b"x"))
-    (part,) = read_painted(file)
-    assert len(part.faces) == 2
+    whole = packed(read(collada()))
+    one, *others = read(collada())[0]
+    strangers = [b"x", whole[:-30], packed([one]), packed([(one.ravel(), *others)])]
+    for data in [*strangers, packed([(*read(collada())[0][:4], np.array([np.nan]))])]:
+        monkeypatch.setattr(meshes, "kept", lambda folder, key, data=data: data)
+        (part,) = read_painted(file)
+        assert len(part.faces) == 2
 
 
 def test_polygons_of_all_sizes_take_time_by_their_corners() -> None:
@@ -193,7 +197,7 @@ def test_no_collada_file_is_parsed_in_this_process(tmp_path, monkeypatch):
 def test_each_paint_of_a_link_is_drawn():
     (one,) = read(collada())
     sent = []
-    SceneNode(sent.append, "/arm").draw(_surface(one), _surface(one))
+    SceneNode(sent.append, "/arm").draw(_surface(one, {}), _surface(one, {}))
     drawn = sent[0]["object"]
     assert len(drawn["object"]["children"]) == 2
     assert drawn["materials"][0]["color"] == 0xFF8000

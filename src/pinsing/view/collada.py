@@ -1,7 +1,7 @@
-"""Collada files as painted triangles, small, with nothing left to parse for a page.
+"""Triangles of mesh files, small, with nothing left to parse for a page; of Collada, painted.
 
-They are read by pycollada in the child process that reads meshes (`pinsing.view.mesh_worker`): a
-stranger's file may be made to take time and memory. Only what robots' files are usually made of:
+Files are read in the child process of `pinsing.view.mesh_worker`: a stranger's file may be made to
+take time and memory. Of Collada, by pycollada, only what robots' files are usually made of:
 triangles and polygons with normals, painted evenly. Any other file goes into the page as it is,
 where three.js reads it. As there, ``unit`` and ``up_axis`` are not looked at.
 """
@@ -9,12 +9,11 @@ where three.js reads it. As there, ``unit`` and ``up_axis`` are not looked at.
 from __future__ import annotations
 
 import io
-import json
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import umsgpack
 
 from pinsing.errors import Refusal
 from pinsing.measures import Array, NDArray
@@ -26,50 +25,42 @@ class NotPlainError(Refusal, ValueError):
     """The file holds something else than plain painted triangles."""
 
 
-@dataclass(frozen=True)
-class Paint:
-    """What a surface looks like: colours in 0xrrggbb."""
+Paint = tuple[float, ...]
+"""Colours, specular and emissive too, as 0xrrggbb; shininess; opacity."""
 
-    color: int = 0xFFFFFF
-    specular: int = 0
-    emissive: int = 0
-    shininess: float = 30.0
-    opacity: float = 1.0
+_UNPAINTED: Paint = (0xFFFFFF, 0, 0, 30.0, 1.0)
 
 
-@dataclass(frozen=True)
-class Painted:
+class Painted(NamedTuple):
     """Triangles of one paint, in steps of their size."""
 
-    middle: tuple[float, float, float]  # where the steps count from, unit of the file
-    step: float  # length of a step
-    vertices: NDArray[np.int16]  # (n, 4), in steps; the last column pads
-    normals: NDArray[np.int8]  # (n, 4), 127 long; the last column pads
+    vertices: NDArray[Any]  # (n, 4), in steps; the last column pads; or (n, 3)
+    normals: NDArray[Any]  # (n, 4), 127 long; the last column pads; or (0, 4)
     faces: NDArray[Any]  # (m, 3), vertices
-    paint: Paint
-
-    @classmethod
-    def of(cls, vertices: Array, normals: Array, faces: NDArray[Any], paint: Paint) -> Painted:
-        """Round: a link of a metre to 0.015 mm."""
-        NotPlainError.refuse_if(
-            not (np.isfinite(vertices).all() and np.isfinite(normals).all()),
-            "a number is not finite",
-        )
-        low, high = vertices.min(axis=0), vertices.max(axis=0)
-        x, y, z = (low + high) / 2
-        step = float(max((high - low).max() / 2, 1e-12) / _STEPS)
-        steps = np.zeros((len(vertices), 4), dtype=np.int16)
-        steps[:, :3] = np.rint((vertices - (x, y, z)) / step)
-        length = np.linalg.norm(normals, axis=1, keepdims=True)
-        shown = np.zeros((len(vertices), 4), dtype=np.int8)
-        shown[:, :3] = np.rint(127 * normals / np.where(length > 0, length, 1.0))
-        kind = np.uint16 if len(steps) < 2**16 else np.uint32
-        return cls((float(x), float(y), float(z)), step, steps, shown, faces.astype(kind), paint)
+    place: Array  # (4,): where the steps count from, and the length of one; unit of the file
+    paint: Array  # (5,), as `Paint`; (0,) where the file does not say
 
     @property
     def farthest(self) -> float:
         """Largest coordinate, rounded up."""
-        return max(map(abs, self.middle)) + _STEPS * self.step
+        return float(np.abs(self.place[:3]).max() + _STEPS * self.place[3])
+
+
+def in_steps(vertices: Array, normals: Array, faces: NDArray[Any], paint: Paint) -> Painted:
+    """Round: a link of a metre to 0.015 mm."""
+    NotPlainError.refuse_if(
+        not (np.isfinite(vertices).all() and np.isfinite(normals).all()), "a number is not finite"
+    )
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    step = max((high - low).max() / 2, 1e-12) / _STEPS
+    place = np.array([*(low + high) / 2, step], dtype=float)
+    steps = np.zeros((len(vertices), 4), dtype=np.int16)
+    steps[:, :3] = np.rint((vertices - place[:3]) / step)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    shown = np.zeros((len(vertices), 4), dtype=np.int8)
+    shown[:, :3] = np.rint(127 * normals / np.where(length > 0, length, 1.0))
+    kind = np.uint16 if len(steps) < 2**16 else np.uint32
+    return Painted(steps, shown, faces.astype(kind), place, np.array(paint))
 
 
 def read_collada(data: bytes) -> tuple[Painted, ...]:
@@ -102,7 +93,7 @@ def read_collada(data: bytes) -> tuple[Painted, ...]:
     ) as error:
         raise NotPlainError(" ".join(str(error).split())) from None
     NotPlainError.refuse_if(not by_paint, "it has no triangles")
-    return tuple(Painted.of(*_joined(shapes), paint) for paint, shapes in by_paint.items())
+    return tuple(in_steps(*_joined(shapes), paint) for paint, shapes in by_paint.items())
 
 
 def _triangles(primitive: Any) -> Iterator[tuple[Paint, Any]]:
@@ -123,7 +114,7 @@ def _triangles(primitive: Any) -> Iterator[tuple[Paint, Any]]:
     used, corners = np.unique(at_vertex.astype(np.int64) * many + at_normal, return_inverse=True)
     vertex, normal = np.divmod(used, many)
     yield (
-        Paint() if primitive.material is None else _paint(primitive.material.effect),
+        _UNPAINTED if primitive.material is None else _paint(primitive.material.effect),
         (primitive.vertex[vertex], primitive.normal[normal], corners.reshape(-1, 3)),
     )
 
@@ -146,10 +137,8 @@ def _paint(effect: Any) -> Paint:
         opacity = 1.0 - float((effect.transparency or 1.0) * r)
     shininess = 30.0 if effect.shininess is None else float(effect.shininess)
     NotPlainError.refuse_if(not np.isfinite([opacity, shininess]).all(), "a number is not finite")
-    return Paint(
-        _hex(effect.diffuse),
-        _hex(effect.specular),
-        _hex(effect.emission),
+    return (
+        *map(_hex, (effect.diffuse, effect.specular, effect.emission)),
         shininess,
         # What nobody could see is a slip of the program that wrote it.
         min(1.0, opacity) if opacity > 0.01 else 1.0,
@@ -161,42 +150,23 @@ def _hex(rgba: Sequence[float] | None) -> int:
     return r << 16 | g << 8 | b
 
 
-def packed(parts: Sequence[Painted]) -> tuple[bytes, bytes]:
-    """Return parts as bytes: what they are in JSON, and their numbers."""
-    head = [
-        {
-            "middle": part.middle,
-            "step": part.step,
-            "vertices": len(part.vertices),
-            "faces": len(part.faces),
-            "paint": asdict(part.paint),
-        }
-        for part in parts
-    ]
-    body = [
-        array.tobytes() for part in parts for array in (part.vertices, part.normals, part.faces)
-    ]
-    return json.dumps(head).encode(), b"".join(body)
+def packed(parts: Sequence[Painted]) -> bytes:
+    """Return parts as bytes: type, shape and numbers of each array."""
+    arrays = [[(a.dtype.str, a.shape, a.tobytes()) for a in part] for part in parts]
+    return bytes(umsgpack.packb(arrays))
 
 
-def unpacked(head: bytes, body: bytes) -> tuple[Painted, ...] | None:
-    """Return the parts that `packed` was given; None if that is something else."""
-    parts, at = [], 0
-
-    def take(kind: type[np.generic], rows: int, columns: int) -> NDArray[Any]:
-        nonlocal at
-        found = np.frombuffer(body, kind, rows * columns, at).reshape(rows, columns)
-        at += found.nbytes
-        return found
-
+def unpacked(data: bytes) -> tuple[Painted, ...] | None:
+    """Return the parts that `packed` was given; of no bytes none, of something else None."""
     try:
-        for one in json.loads(head):
-            n, (x, y, z) = int(one["vertices"]), one["middle"]
-            vertices, normals = take(np.int16, n, 4), take(np.int8, n, 4)
-            faces = take(np.uint16 if n < 2**16 else np.uint32, int(one["faces"]), 3)
-            paint = Paint(**one["paint"])
-            middle = (float(x), float(y), float(z))
-            parts.append(Painted(middle, float(one["step"]), vertices, normals, faces, paint))
-    except (ValueError, KeyError, TypeError):
+        arrays = umsgpack.unpackb(data) if data else []
+        parts = tuple(Painted(*(_array(*one) for one in part)) for part in arrays)
+        sound = all([a.ndim for a in part] == [2, 2, 2, 1, 1] for part in parts)
+        sound &= all(np.isfinite([*part.place, *part.paint]).all() for part in parts)
+    except Exception:  # whatever was made to look like an answer
         return None
-    return tuple(parts)
+    return parts if sound else None
+
+
+def _array(kind: str, shape: Sequence[int], data: bytes) -> NDArray[Any]:
+    return np.frombuffer(data, kind).reshape(shape)

@@ -1,9 +1,8 @@
 """The child process that reads mesh files: Assimp trusts them more than one may.
 
 It is started by path (see `pinsing.view.meshes`), gets the paths of meshes as a line of JSON, and
-answers for each, in order, with a line of JSON: ``problem``, or the sizes of two pieces of bytes
-that follow: vertices as doubles and triangles as 32-bit integers, or what `packed` makes of a
-Collada file; both empty where the page gets the file itself. Memory is limited, nothing can be
+answers for each, in order, with a line of JSON: ``problem``, or how many ``bytes`` follow: what
+`packed` makes of it, none where the page gets the file itself. Memory is limited, nothing can be
 written, and on Linux the kernel lets it read files in the folders of its meshes only, where it has
 Landlock, and any file where it has not: no socket, no process. What is missing of that is said in
 the line before the answers.
@@ -22,13 +21,13 @@ from typing import Any, BinaryIO
 _LARGEST = 1e9
 
 
-def read(loader: Any, path: str, wanted: str) -> tuple[bytes, bytes]:
-    """Return the two pieces of an answer, empty ones to "judge"; ValueError for bad vertices."""
+def read(loader: Any, path: str, wanted: str) -> bytes:
+    """Return the bytes of an answer, none to "judge"; ValueError for bad vertices."""
     import numpy as np
 
-    if wanted == "paint":
-        from pinsing.view.collada import NotPlainError, packed, read_collada
+    from pinsing.view.collada import NotPlainError, Painted, packed, read_collada
 
+    if wanted == "paint":
         with contextlib.suppress(NotPlainError):
             parts = read_collada(Path(path).read_bytes())
             if max(part.farthest for part in parts) > _LARGEST:
@@ -43,27 +42,29 @@ def read(loader: Any, path: str, wanted: str) -> tuple[bytes, bytes]:
     if np.abs(vertices).max() > _LARGEST:
         raise ValueError("has vertices farther away than any robot reaches")
     if wanted != "content":
-        return b"", b""
+        return b""
     triangles = [mesh.tri_indices(k) for k in range(mesh.num_tris)]
     faces = np.array([[t[0], t[1], t[2]] for t in triangles], dtype=np.int32)
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise ValueError("has triangles without vertices")
-    return vertices.tobytes(), faces.tobytes()
+    as_it_is = np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(0)
+    points, none = vertices.astype(np.float32), np.zeros((0, 4), dtype=np.int8)
+    return packed([Painted(points, none, faces.astype(np.uint32), *as_it_is)])
 
 
 def answer(loader: Any, path: str, wanted: str, out: BinaryIO) -> None:
     """Write what became of one file."""
-    pieces = (b"", b"")
+    data = b""
     try:
-        pieces = read(loader, path, wanted)
+        data = read(loader, path, wanted)
     except MemoryError:
         message: dict[str, Any] = {"problem": "needs too much memory"}
     except Exception as error:  # the reader has no error of its own
         lines = [x for x in str(error).splitlines() if x.strip() and not x.startswith("Hint")]
         message = {"problem": " ".join((lines or [type(error).__name__])[-1].split())[:200]}
     else:
-        message = {"bytes": [len(piece) for piece in pieces]}
-    out.write(json.dumps(message).encode() + b"\n" + b"".join(pieces))
+        message = {"bytes": len(data)}
+    out.write(json.dumps(message).encode() + b"\n" + data)
     out.flush()
 
 
@@ -83,12 +84,11 @@ def main() -> None:
         package = types.ModuleType(name)  # the packages themselves import more than is wanted
         package.__path__ = [str(root.joinpath(*name.split(".")[1:]))]
         sys.modules[name] = package
+    import pinsing.view.collada  # noqa: F401 (with NumPy, before files are out of reach)
     from pinsing.description import child_jail
 
     if any(wanted == "paint" for _, wanted in request["paths"]):
-        import collada  # noqa: F401 (before files are out of reach)
-
-        import pinsing.view.collada  # noqa: F401 (with NumPy)
+        import collada  # noqa: F401
 
     loader = coal.MeshLoader()
     child_jail.limit_resources(request["seconds"], request["memory"])

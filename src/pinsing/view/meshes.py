@@ -12,7 +12,6 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
@@ -23,7 +22,7 @@ from pinsing.atomic_write import write_bytes
 from pinsing.description import child_jail
 from pinsing.description.files import MEMORY
 from pinsing.errors import PinsingError
-from pinsing.measures import Array, NDArray
+from pinsing.measures import Array
 from pinsing.view.collada import Painted, unpacked
 
 SECONDS_EACH = 20.0
@@ -32,13 +31,8 @@ _WORKER = Path(__file__).with_name("mesh_worker.py")
 _WANTED = {".dae": "paint", ".obj": "judge", ".stl": "judge"}  # go into the page as they are
 
 
-@dataclass(frozen=True)
-class Mesh:
-    """The triangles of a mesh file; empty where the file itself goes into the page."""
-
-    vertices: Array  # (n, 3), unit of the file
-    faces: NDArray[np.int32]  # (m, 3), indices from 0
-    painted: tuple[Painted, ...] = ()  # of a plain painted Collada file, by paint
+Mesh = tuple[Painted, ...]
+"""The triangles of a mesh file, by paint; none where the file itself goes into the page."""
 
 
 def read_geometry(
@@ -74,7 +68,7 @@ def read_geometry(
             continue
         held = geometry.geometryObjects[geometry.getGeometryId(name)]
         held.meshPath, held.meshScale = str(path), scale
-    meshes = {path: mesh for path, mesh in found.items() if isinstance(mesh, Mesh)}
+    meshes = {path: mesh for path, mesh in found.items() if not isinstance(mesh, str)}
     return geometry, meshes, (*_notes(found), *said)
 
 
@@ -109,7 +103,8 @@ def read_meshes(
     for path, key in keys.items():
         assert folder is not None
         before = kept(folder, key)
-        if before is not None and (mesh := _mesh(path, *before)) is not None:
+        mesh = None if before is None else unpacked(before)
+        if mesh is not None:
             found[path] = mesh
     left = [path for path in left if path not in found]
     missing: list[str] = []
@@ -123,31 +118,17 @@ def read_meshes(
             if isinstance(answered, str):
                 found[path] = answered
                 continue
-            found[path] = _mesh(path, *answered) or "breaks its reader"
+            mesh = unpacked(answered)
+            found[path] = "breaks its reader" if mesh is None else mesh
             if folder is not None and path in keys:
-                keep(folder, keys[path], *answered)
+                keep(folder, keys[path], answered)
     if missing:
         walls = "; ".join(dict.fromkeys(missing))
         tell(f"meshes were read without all of the kernel's walls: {walls}")
     return {path: found[path] for path in paths}
 
 
-def _mesh(path: Path, first: bytes, second: bytes) -> Mesh | None:
-    """A mesh of the two pieces that the child sent; None if they are something else."""
-    parts: tuple[Painted, ...] | None = ()
-    if path.suffix.lower() == ".dae":
-        parts = unpacked(first, second) if first else ()
-        first = second = b""
-    if len(first) % 24 or len(second) % 12 or parts is None:
-        return None
-    return Mesh(
-        np.frombuffer(first, dtype=np.float64).reshape(-1, 3),
-        np.frombuffer(second, dtype=np.int32).reshape(-1, 3),
-        parts,
-    )
-
-
-def _ask_child(paths: Sequence[Path], missing: list[str]) -> dict[Path, tuple[bytes, bytes] | str]:
+def _ask_child(paths: Sequence[Path], missing: list[str]) -> dict[Path, bytes | str]:
     """Return a child's answers on the first files, the one at which it ended last."""
     # Walls that are not there are added to ``missing``.
     request = {
@@ -175,20 +156,18 @@ def _ask_child(paths: Sequence[Path], missing: list[str]) -> dict[Path, tuple[by
     line = answers.readline()
     if line.endswith(b"\n"):
         missing += map(str, json.loads(line)["no_wall"])
-    done: dict[Path, tuple[bytes, bytes] | str] = {}
+    done: dict[Path, bytes | str] = {}
     for path in paths:
         result = _receive(answers)
-        done[path] = result or (
-            f"is not read within {SECONDS_EACH:g} s"
-            if slow
-            else "needs too much memory, or breaks its reader"
-        )
         if result is None:
+            ended = "needs too much memory, or breaks its reader"
+            done[path] = f"is not read within {SECONDS_EACH:g} s" if slow else ended
             break
+        done[path] = result
     return done
 
 
-def _receive(answers: BinaryIO) -> tuple[bytes, bytes] | str | None:
+def _receive(answers: BinaryIO) -> bytes | str | None:
     """Return one answer of the child, None where there is none."""
     line = answers.readline(10_000)
     if not line.endswith(b"\n"):
@@ -196,9 +175,8 @@ def _receive(answers: BinaryIO) -> tuple[bytes, bytes] | str | None:
     message = json.loads(line)
     if "problem" in message:
         return str(message["problem"])
-    sizes = [int(size) for size in message["bytes"]]
-    first, second = (answers.read(size) for size in sizes)
-    return (first, second) if [len(first), len(second)] == sizes else None
+    data = answers.read(int(message["bytes"]))
+    return data if len(data) == int(message["bytes"]) else None
 
 
 def cache_folder() -> Path | None:
@@ -226,7 +204,7 @@ def cache_folder() -> Path | None:
 
 def content_key(path: Path) -> str:
     """Name under which a mesh file's answer is kept: of its bytes and its kind; empty for none."""
-    digest = hashlib.sha256(f"4\0{path.suffix.lower()}\0".encode())  # the version of answers
+    digest = hashlib.sha256(f"5\0{path.suffix.lower()}\0".encode())  # the version of answers
     try:
         with path.open("rb") as file:
             while part := file.read(1 << 20):
@@ -236,8 +214,8 @@ def content_key(path: Path) -> str:
     return digest.hexdigest()
 
 
-def kept(folder: Path, key: str) -> tuple[bytes, bytes] | None:
-    """The two pieces of an answer that were kept; None where nothing whole is there."""
+def kept(folder: Path, key: str) -> bytes | None:
+    """An answer that was kept; None where nothing whole is there."""
     try:
         data = (folder / key).read_bytes()
     except OSError:
@@ -247,13 +225,11 @@ def kept(folder: Path, key: str) -> tuple[bytes, bytes] | None:
         return None
     with contextlib.suppress(OSError):
         os.utime(folder / key)  # the longest unused go first
-    count = 8 + int.from_bytes(body[:8], "little")
-    return body[8:count], body[count:]
+    return body
 
 
-def keep(folder: Path, key: str, first: bytes, second: bytes) -> None:
+def keep(folder: Path, key: str, body: bytes) -> None:
     """Keep an answer; a full disk, or one that cannot be written, is no error."""
-    body = len(first).to_bytes(8, "little") + first + second
     if len(body) > 64 * 2**20:
         return
     with contextlib.suppress(OSError, PinsingError):

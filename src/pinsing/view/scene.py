@@ -10,7 +10,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -98,7 +98,7 @@ class Recorder:
         return bytes(parts[0]), bytes(parts[1])
 
 
-def painted(shape: Data, color: int, **more: Any) -> Data:
+def painted(shape: Data, color: float, **more: Any) -> Data:
     """A shape in a colour, 0xrrggbb."""
     return {**shape, "material": {"type": "MeshPhongMaterial", "color": color, **more}}
 
@@ -166,10 +166,14 @@ def _lines(kind: str, points: Array, color: int) -> Data:
 
 def _parts(shape: pin.GeometryObject, mesh: Mesh | None) -> list[Data]:
     """A visual shape of a robot, or its mesh; ValueError or OSError if it cannot be shown."""
+    r, g, b = (min(255, max(0, int(255 * float(x)))) for x in shape.meshColor[:3])
+    opacity = float(shape.meshColor[3])
+    look: Data = {"color": r << 16 | g << 8 | b, "transparent": opacity != 1.0, "opacity": opacity}
+    look["side"] = BOTH_SIDES
+    if mesh:
+        return [_surface(part, look) for part in mesh]
     file, form = Path(shape.meshPath), shape.geometry
     kind = "" if mesh is None else file.suffix.lower()
-    if mesh is not None and mesh.painted:
-        return [_surface(part) for part in mesh.painted]
     if kind == ".dae":
         text = file.read_text(encoding="utf-8", errors="replace")
         whole = {"format": "dae", "data": text, "resources": _textures(file)}
@@ -179,8 +183,6 @@ def _parts(shape: pin.GeometryObject, mesh: Mesh | None) -> list[Data]:
         drawn = _shape("_meshfile", format="obj", data=text)
     elif kind == ".stl":
         drawn = _shape("_meshfile", format="stl", data=_numbers("uint8", file.read_bytes()))
-    elif mesh is not None:
-        drawn = _points(mesh.faces.astype(np.uint32), position=mesh.vertices.astype(np.float32))
     elif isinstance(form, coal.Box):
         drawn = _box(*(2.0 * float(x) for x in form.halfSide))
     elif isinstance(form, coal.Sphere):
@@ -189,19 +191,23 @@ def _parts(shape: pin.GeometryObject, mesh: Mesh | None) -> list[Data]:
         drawn = rod(2.0 * float(form.halfLength), float(form.radius))
     else:
         raise ValueError(f"it is a {type(form).__name__}")
-    r, g, b = (min(255, max(0, int(255 * float(x)))) for x in shape.meshColor[:3])
-    opacity = float(shape.meshColor[3])
-    seen = {"side": BOTH_SIDES, "transparent": opacity != 1.0, "opacity": opacity}
-    return [painted(drawn, r << 16 | g << 8 | b, **seen)]
+    return [painted(drawn, **look)]
 
 
-def _surface(part: Painted) -> Data:
-    """Triangles of one paint of a Collada file."""
-    shape = _points(part.faces, position=part.vertices, normal=part.normals)
-    step, (x, y, z) = part.step, part.middle
+_LOOK = ("color", "specular", "emissive", "shininess", "opacity")
+
+
+def _surface(part: Painted, look: Data) -> Data:
+    """Triangles of a mesh file, with its own paint or ``look``."""
+    columns = {"position": part.vertices, "normal": part.normals}
+    if not len(part.normals):  # three.js makes them
+        columns.pop("normal")
+    x, y, z, step = part.place.tolist()
     matrix = [step, 0, 0, 0, 0, step, 0, 0, 0, 0, step, 0, x, y, z, 1]
-    look = {"side": BOTH_SIDES, "transparent": part.paint.opacity < 1.0, **asdict(part.paint)}
-    return {**painted(shape, **look), "matrix": matrix}
+    if len(part.paint):
+        look = {"side": BOTH_SIDES, **dict(zip(_LOOK, part.paint.tolist(), strict=True))}
+        look["transparent"] = look["opacity"] < 1.0
+    return {**painted(_points(part.faces, **columns), **look), "matrix": matrix}
 
 
 _IMAGES = {b"\x89PNG\r\n\x1a\n": "image/png", b"\xff\xd8\xff": "image/jpeg"}
