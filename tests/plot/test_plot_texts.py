@@ -90,8 +90,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Figu
         kept: list[Figure] = []
         monkeypatch.setattr("pinsing.cli.show.save_figure", lambda f, *a, **k: kept.append(f))
         done = run("plot", *words, "-o", str(tmp_path / "a.png"))
-        if done.exit_code == 2 or "Traceback" in done.output:
-            assert done.exit_code == 2, done.output
+        if done.exit_code == 2:
             pytest.skip(done.output.strip().splitlines()[-1])
         assert done.exit_code == 0, done.output
         return kept[0]
@@ -125,9 +124,7 @@ def test_no_text_lies_over_another(drawn: Callable[..., Figure], robot: str, kin
     assert overlaps(drawn(kind, robot, *words_of(kind, pinsing.load(robot)))) == []
 
 
-def test_angles_of_figures_are_in_degrees_unless_radians_are_asked_for(
-    drawn: Callable[..., Figure], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_angles_of_figures_are_in_degrees_unless_radians_are_asked_for(drawn, monkeypatch):
     for words, unit in (([], "deg"), (["--deg"], "deg"), (["--rad"], "rad")):
         for kind in ("map", "locus"):
             figure = drawn(kind, "planar3r", *words_of(kind, pinsing.load("planar3r")), *words)
@@ -143,7 +140,5 @@ MECHANISMS = sorted(p.name.split(".")[0] for p in URDF.glob("*.loops.yaml"))
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["map", "curves", "ellipsoids", "modes"])
 @pytest.mark.parametrize("name", MECHANISMS)
-def test_no_text_of_a_mechanism_lies_over_another(
-    drawn: Callable[..., Figure], name: str, kind: str
-) -> None:
+def test_no_text_of_a_mechanism_lies_over_another(drawn, name, kind):
     assert overlaps(drawn(kind, str(URDF / f"{name}.urdf"), "--loops")) == []
