@@ -563,7 +563,9 @@ def _conditions(arm: Arm) -> Mapping[str, Holds]:
         found["wrist"] = _flat(3, 4, 5)
     planar = not slides[:2].any() and not parallel(0, 1)
     if slides[2]:
-        planar = planar and all(a.perpendicular(1, a.direction[2], STRUCTURE_TOL) for a in samples)
+        planar = planar and all(
+            abs(a.direction[1] @ a.direction[2]) <= STRUCTURE_TOL for a in samples
+        )
     else:
         planar = planar and parallel(1, 2)
     if planar and spherical:
@@ -588,7 +590,7 @@ def _center(a: JointAxes, *ids: int) -> Array:
 
 def _above(a: JointAxes, tol: float) -> bool:
     """Axis 1 does not move the wrist center along axis 2."""
-    return abs(float(a.velocity(0, _center(a, 4, 5)) @ a.direction[1])) <= tol * a.size
+    return abs(float(a.twists((0,), _center(a, 4, 5))[0, :3] @ a.direction[1])) <= tol
 
 
 def _moves_center_one_way(a: JointAxes, tol: float) -> bool:

@@ -75,10 +75,6 @@ class JointAxes:
         first = self.direction[ids[0]]
         return all(length(cross(first, self.direction[i])) <= tol for i in ids[1:])
 
-    def perpendicular(self, i: int, direction: Array, tol: float) -> bool:
-        """Return True if axis i is perpendicular to a unit direction (3,)."""
-        return bool(abs(self.direction[i] @ direction) <= tol)
-
     def distance(self, i: int, point: Array) -> float:
         """Distance of a point (3,) from turning axis i, metres."""
         return length(cross(self.direction[i], point - self.point[i]))
@@ -101,16 +97,16 @@ class JointAxes:
         spanned = np.array([*self.direction[list(ids)], *(p / self.size for p in others)])
         return bool(np.linalg.svd(spanned, compute_uv=False)[2] <= tol)
 
-    def velocity(self, i: int, point: Array) -> Array:
-        """Velocity (3,) of a point (3,) carried by joint i at unit speed, base axes."""
-        if self.prismatic[i]:
-            return np.asarray(self.direction[i])
-        return cross(self.direction[i], point - self.point[i])
+    def twists(self, ids: Sequence[int], point: Array) -> Array:
+        """Twists (k, 6) of these joints at a point (3,), base axes, metres over the size."""
+        z, slides = self.direction[list(ids)], self.prismatic[list(ids), None]
+        moved = np.cross(z, (point - self.point[list(ids)]) / self.size)
+        return np.concatenate([np.where(slides, z, moved), np.where(slides, 0.0, z)], axis=1)
 
     def velocity_rank(self, ids: Sequence[int], point: Array, tol: float) -> int:
         """Dimension of the velocities that these joints give to a point (3,)."""
-        rows = [self.velocity(i, point) / (1.0 if self.prismatic[i] else self.size) for i in ids]
-        return int((np.linalg.svd(np.array(rows), compute_uv=False) > tol).sum())
+        rows = self.twists(ids, point)[:, :3]
+        return int((np.linalg.svd(rows, compute_uv=False) > tol).sum())
 
 
 @dataclass(frozen=True)
@@ -140,11 +136,14 @@ def numbers(ids: Sequence[int]) -> str:
 
 def joints_of(ids: Sequence[int]) -> str:
     """``joint 1`` or ``joints 1 and 2``."""
-    return _counted("joint", "joints", ids)
+    return f"joint{'s' * (len(ids) > 1)} {numbers(ids)}"
 
 
-def _counted(one: str, many: str, ids: Sequence[int]) -> str:
-    return f"{one if len(ids) == 1 else many} {numbers(ids)}"
+def _are(what: str, ids: Sequence[int], one: str = "is", many: str = "are") -> str:
+    """``axis 1 is``, ``prismatic joints 3 and 4 are``."""
+    if len(ids) == 1:
+        return f"{what} {numbers(ids)} {one}"
+    return f"{'axes' if what == 'axis' else what + 's'} {numbers(ids)} {many}"
 
 
 def dependent(
@@ -207,17 +206,15 @@ def _parallel_and_sliding(
     axes: JointAxes, turning: tuple[int, ...], sliding: tuple[int, ...], tol: float, nearly: str
 ) -> str | None:
     z = axes.direction[turning[0]]
-    if not all(axes.perpendicular(i, z, tol) for i in sliding):
+    if (np.abs(axes.direction[list(sliding)] @ z) > tol).any():
         return None
-    prismatic = _counted("prismatic joint", "prismatic joints", sliding)
+    across = f"{_are('prismatic joint', sliding)} {nearly}perpendicular to"
     if len(turning) == 2 and len(sliding) == 1:
         apart = axes.point[turning[1]] - axes.point[turning[0]]
         if abs(axes.direction[sliding[0]] @ (apart - (apart @ z) * z)) <= tol * axes.size:
-            return f"{prismatic} is {nearly}perpendicular to the plane of axes {numbers(turning)}"
+            return f"{across} the plane of axes {numbers(turning)}"
         return None
-    verb = "is" if len(sliding) == 1 else "are"
-    parallel = f"axes {numbers(turning)} are parallel"
-    return f"{parallel} and {prismatic} {verb} {nearly}perpendicular to them"
+    return f"{_are('axis', turning)} parallel and {across} them"
 
 
 def _through_a_centre(
@@ -230,33 +227,35 @@ def _through_a_centre(
         if not set(centre.ids) < set(ids) or point is None or len(rest) > 3:
             continue
         if axes.velocity_rank(rest, point, tol) != len(rest):
-            return _centre_words(axes, rest, point, centre.named(), tol, nearly)
+            return _moves(axes, rest, point, centre.named(), tol, nearly)
     return None
 
 
-def _centre_words(
-    axes: JointAxes, rest: tuple[int, ...], point: Array, name: str, tol: float, nearly: str
+def _moves(
+    axes: JointAxes, ids: tuple[int, ...], point: Array, name: str, tol: float, nearly: str
 ) -> str:
-    """Say why joints do not move a point in as many directions as there are joints."""
-    turning = not axes.prismatic[list(rest)].any()
-    if len(rest) == 1:
-        return f"{name} lies {nearly}on axis {numbers(rest)}"
-    if len(rest) == 2:
-        if turning and axes.in_one_plane(rest, tol, point):
-            kind = "the parallel axes" if axes.parallel(rest, tol) else "axes"
-            return f"{name} lies {nearly}in the plane of {kind} {numbers(rest)}"
-        return f"{joints_of(rest)} {nearly}move {name} along the same line"
-    for pair in combinations(rest, 2):
-        other = next(i for i in rest if i not in pair)
-        if not turning or not axes.parallel(pair, tol) or axes.parallel((other, pair[0]), tol):
-            continue
-        normal = cross(axes.direction[other], axes.direction[pair[0]])
-        if abs((point - axes.point[other]) @ normal / length(normal)) <= tol * axes.size:
-            plane = f"the plane through axis {numbers((other,))} parallel to axes {numbers(pair)}"
-            return f"{name} lies {nearly}in {plane}"
-    if axes.velocity_rank(rest, point, tol) == 1:
-        return f"{joints_of(rest)} {nearly}move {name} along the same line"
-    return f"{joints_of(rest)} move {name} {nearly}within one plane only"
+    """Say why joints move a point in fewer directions than their number would allow."""
+    turning = not axes.prismatic[list(ids)].any()
+    rank = axes.velocity_rank(ids, point, tol)
+    if len(ids) == 1 and rank == 0:
+        return f"{name} lies {nearly}on axis {numbers(ids)}"
+    if len(ids) == 2 and turning and axes.in_one_plane(ids, tol, point):
+        kind = "the parallel axes" if axes.parallel(ids, tol) else "axes"
+        return f"{name} lies {nearly}in the plane of {kind} {numbers(ids)}"
+    for pair in combinations(ids, 2) if len(ids) == 3 and turning else ():
+        (other,) = set(ids) - set(pair)
+        if axes.parallel(pair, tol) and not axes.parallel((other, pair[0]), tol):
+            normal = cross(axes.direction[other], axes.direction[pair[0]])
+            if abs((point - axes.point[other]) @ normal / length(normal)) <= tol * axes.size:
+                plane = (
+                    f"the plane through axis {numbers([other])} parallel to axes {numbers(pair)}"
+                )
+                return f"{name} lies {nearly}in {plane}"
+    if rank == 0:
+        return f"{joints_of(ids)} do {nearly}not move {name}"
+    if rank == 1:
+        return f"{joints_of(ids)} {nearly}move {name} along the same line"
+    return f"{joints_of(ids)} move {name} {nearly}within one plane only"
 
 
 def reciprocal_reason(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str) -> str | None:
@@ -269,10 +268,7 @@ def reciprocal_reason(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly:
     Mechanisms", 1978).
     """
     # The force, and the moment about the tip in units of size.
-    v = np.array([axes.velocity(i, axes.tip) for i in ids]) / axes.size
-    w = np.where(axes.prismatic[list(ids), None], 0.0, axes.direction[list(ids)])
-    v[axes.prismatic[list(ids)]] *= axes.size
-    _, sigma, Vt = np.linalg.svd(np.concatenate([v, w], axis=1))
+    _, sigma, Vt = np.linalg.svd(axes.twists(ids, axes.tip))
     if (sigma > tol * sigma[0]).sum() != 5:
         return None
     force, moment = Vt[5, :3], Vt[5, 3:]
@@ -292,9 +288,7 @@ def reciprocal_reason(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly:
     who = f"all {count}axes" if every else f"axes {numbers(turning)}"
     words = f"{who} {nearly}belong to one linear complex, here of pitch {pitch:.3g} m/rad"
     if sliding:
-        verb = "is" if len(sliding) == 1 else "are"
-        prismatic = _counted("prismatic joint", "prismatic joints", sliding)
-        words += f", and {prismatic} {verb} {nearly}perpendicular to its axis"
+        words += f", and {_are('prismatic joint', sliding)} {nearly}perpendicular to its axis"
     return words
 
 
@@ -316,33 +310,26 @@ def _common_line(
             return None
     if not met:
         return None
-    every = len(met) == len(axes.prismatic)
-    who = "all axes" if every else _counted("axis", "axes", met)
-    words = [f"{who} {nearly}{'meets' if len(met) == 1 else 'meet'} a common line"]
-    for ids, one, many, how in (
-        (along, "axis", "axes", "parallel"),
-        (across, "prismatic joint", "prismatic joints", "perpendicular"),
+    meet = _are("axis", met, f"{nearly}meets", f"{nearly}meet")
+    if len(met) == len(axes.prismatic):
+        meet = f"all axes {nearly}meet"
+    words = [f"{meet} a common line"]
+    for ids, what, how in (
+        (along, "axis", "parallel"),
+        (across, "prismatic joint", "perpendicular"),
     ):
         if ids:
-            verb = "is" if len(ids) == 1 else "are"
-            words.append(f"{_counted(one, many, ids)} {verb} {nearly}{how} to it")
+            words.append(f"{_are(what, ids)} {nearly}{how} to it")
     return ", ".join(words[:-1]) + ", and " + words[-1] if words[1:] else words[0]
 
 
 def position_reason(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str = "") -> str:
     """Say why joints move the tip in fewer directions than their number would allow."""
-    rank = axes.velocity_rank(ids, axes.tip, tol)
+    words = _moves(axes, ids, axes.tip, "the tip", tol, nearly)
     every = len(ids) == len(axes.prismatic) > 2 and not axes.prismatic.any()
-    if rank == 1 and every and axes.parallel(ids, tol):
-        same = f"{joints_of(ids)} {nearly}move the tip along the same line"
-        return f"all links {nearly}in line: {same}"
-    if len(ids) <= 3 and rank < len(ids):
-        return _centre_words(axes, ids, axes.tip, "the tip", tol, nearly)
-    if rank == 0:
-        return f"{joints_of(ids)} do {nearly}not move the tip"
-    if rank == 1:
-        return f"{joints_of(ids)} {nearly}move the tip along the same line"
-    return f"{joints_of(ids)} move the tip {nearly}within one plane only"
+    if every and axes.parallel(ids, tol) and axes.velocity_rank(ids, axes.tip, tol) == 1:
+        return f"all links {nearly}in line: {words}"
+    return words
 
 
 def orientation_reason(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str = "") -> str:
@@ -498,8 +485,6 @@ def lost_motions(
 
 def _null_space(A: Array, tol: float) -> Array:
     """Orthonormal coefficients (d, k) of combinations of the columns of A (m, d) that vanish."""
-    if A.shape[1] == 1:  # one combination, which does or does not
-        return np.zeros((1, 0)) if length(A[:, 0]) > tol else np.ones((1, 1))
     _, sigma, Vt = np.linalg.svd(A)
     return np.asarray(Vt[int((sigma > tol).sum()) :].T)
 
@@ -508,11 +493,8 @@ def nice_basis(span: Array, rotation: Array) -> list[Array]:
     """Basis of the space of the columns of ``span`` (3, k): tool axes, base axes, then any."""
     if span.shape[1] == 0:
         return []
-    if span.shape[1] == 1:
-        inside = span / length(span[:, 0])
-    else:
-        left, sigma, _ = np.linalg.svd(span, full_matrices=False)
-        inside = left[:, sigma > 0.5 * sigma[0]]
+    left, sigma, _ = np.linalg.svd(span, full_matrices=False)
+    inside = left[:, sigma > 0.5 * sigma[0]]
     chosen: list[Array] = []
     for axis in (*rotation.T, *np.eye(3), *inside.T):
         inner = inside @ (inside.T @ axis)
@@ -581,7 +563,6 @@ class ColumnRanks:
         self.J = own_scale(arm).apply(arm, J, q)
         self.generic, self.used = generic, used
         self.zero = zero_of(arm, singular_values(self.J[None])[0], rtol)
-        self._rank: dict[tuple[int, ...], int] = {(): 0}
         self._generic: dict[tuple[int, ...], int] = arm.once("generic_column_ranks", dict)
         r = generic_rank(arm)
         self.spare = len(self.used) - r
@@ -589,10 +570,7 @@ class ColumnRanks:
 
     def rank(self, ids: Sequence[int]) -> int:
         """Rank of the columns ``ids`` at the configuration."""
-        key = tuple(ids)
-        if key not in self._rank:
-            self._rank[key] = int(self._ranks(np.array([ids]))[0])
-        return self._rank[key]
+        return int(self._ranks(np.array([ids], dtype=np.intp))[0])
 
     def nullity(self, ids: Sequence[int]) -> int:
         """Return how many of the columns ``ids`` the others of these make up for."""
@@ -832,10 +810,9 @@ class _Reasons:
 
     def _as_twists(self, ids: tuple[int, ...]) -> bool:
         """Return True if the whole twists are dependent, and not the chosen rows alone."""
-        axes = self.axes
-        v = np.array([axes.velocity(i, axes.tip) for i in ids])
-        w = np.where(axes.prismatic[list(ids), None], 0.0, axes.direction[list(ids)])
-        sigma = np.linalg.svd(np.concatenate([v / axes.size, w], axis=1), compute_uv=False)
+        twists = self.axes.twists(ids, self.axes.tip)
+        twists[self.axes.prismatic[list(ids)]] /= self.axes.size
+        sigma = np.linalg.svd(twists, compute_uv=False)
         return len(ids) > 6 or bool(sigma[-1] <= self.tol * sigma[0])
 
 
