@@ -31,7 +31,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any, ClassVar
 
 import numpy as np
@@ -426,15 +426,10 @@ class InverseSolutions(JsonResult):
     @property
     def certified(self) -> int:
         """Number of different regular solutions that are proven to exist."""
-        turns = ~self.arm.prismatic
         kept: list[InverseSolution] = []
         for s in self.solutions:
-            apart = math.isfinite(s.radius)
-            for k in kept:
-                gap = s.q - k.q
-                gap[turns] = np.remainder(gap[turns] + math.pi, 2 * math.pi) - math.pi
-                apart &= bool(np.linalg.norm(gap) > s.radius + k.radius)
-            if apart:
+            gaps = (np.linalg.norm(self.arm.space.wrap(s.q - k.q)) - k.radius for k in kept)
+            if s.radius < min(gaps, default=math.inf):
                 kept.append(s)
         return len(kept)
 
@@ -486,6 +481,7 @@ class FoundSolutions:
         self.solver, self.arm = solver, solver.arm
         self.q: list[Array] = []
         self.left: list[float] = []
+        self.measure: list[float] = []
         self.sign: list[float] = []
         self.hits: list[int] = []
         self._followed = 0
@@ -494,30 +490,26 @@ class FoundSolutions:
         """Sort reached configurations into known and new ones."""
         # Close ones are one, unless both are regular and their determinants differ in sign: near a
         # singularity solutions come in such pairs.
-        if not len(Q):
-            return
-        Q = self.arm.space.wrap(Q)
-        for q, e, sign in zip(Q, left, self._signs(Q), strict=True):
+        Q, signs = self.arm.space.wrap(Q), np.zeros(len(Q))
+        measure = self._measure(Q)
+        if len(self.solver.task.rows) == len(self.solver.free):  # elsewhere it is noise
+            signs = np.where(measure > ALIKE, self.solver.signs(Q), 0.0)
+        for q, *rest in zip(Q, left.tolist(), measure.tolist(), signs.tolist(), strict=True):
             if self.q:
                 gap = np.abs(self.arm.space.wrap(np.array(self.q) - q)).max(axis=1)
-                gap[np.array(self.sign) * sign < 0] = np.inf
+                gap[np.array(self.sign) * rest[2] < 0] = np.inf
                 k = int(np.argmin(gap))
                 if gap[k] < 1e-4:
                     self.hits[k] += 1
-                    if e < self.left[k]:
-                        self.q[k], self.left[k], self.sign[k] = q, float(e), float(sign)
+                    if rest[0] < self.left[k]:
+                        self.q[k] = q
+                        self.left[k], self.measure[k], self.sign[k] = rest
                     continue
             if len(self.q) < 4096:
                 self.q.append(q)
-                self.left.append(float(e))
-                self.sign.append(float(sign))
                 self.hits.append(1)
-
-    def _signs(self, Q: Array) -> Array:
-        """Signs of the determinant, (N,); zero where there is none, or it is noise."""
-        if len(self.solver.task.rows) != len(self.solver.free):
-            return np.zeros(len(Q))
-        return np.where(self._measure(Q) > ALIKE, self.solver.signs(Q), 0.0)
+                for known, value in zip((self.left, self.measure, self.sign), rest, strict=True):
+                    known.append(value)
 
     def _measure(self, Q: Array) -> Array:
         """sigma_r / sigma_1 (N,): where joints are held the less of the arm's and the others'."""
@@ -531,29 +523,21 @@ class FoundSolutions:
     def follow(self, images: Callable[[Array], Array]) -> None:
         """Start from images of each solution that is new since the last time, and of theirs."""
         for _ in range(4):
-            new = np.array(self.q[self._followed :])
-            self._followed = len(self.q)
             # Singular solutions lie on curves, of which there is no end.
-            new = new[self._measure(new) > ALIKE] if len(new) else new
-            if not len(new):
+            new = [k for k in range(self._followed, len(self.q)) if self.measure[k] > ALIKE]
+            self._followed = len(self.q)
+            if not new:
                 return
-            start = images(new)
+            start = images(np.array(self.q)[new])
             gap = self.arm.space.wrap(start[:, None] - np.array(self.q))
             start = start[np.abs(gap).max(axis=2).min(axis=1) > 0.1] if len(start) else start
             if len(start):
                 # Steps from an image: it is near a solution, or of no use.
                 self.add(*self.solver.solve(start, 30))
 
-    @property
-    def regular(self) -> Bool:
-        """True for each that is regular, (K,)."""
-        if not self.q:
-            return np.zeros(0, dtype=bool)
-        return np.greater(self._measure(np.array(self.q)), ALIKE)
-
     def clear(self) -> bool:
         """Return True if there are some, and none is nearly double, as next to a singularity."""
-        return bool(self.q) and bool((self._measure(np.array(self.q)) > 1e-4).all())
+        return min(self.measure, default=0.0) > 1e-4
 
     @property
     def lacking(self) -> int:
@@ -570,7 +554,8 @@ class FoundSolutions:
         """Return True if every regular solution was met several times, and none is missing."""
         if not self.q or self.lacking:
             return False
-        return bool((np.array(self.hits)[self.regular] >= ENOUGH).all())
+        both = zip(self.hits, self.measure, strict=True)
+        return all(hits >= ENOUGH or measure <= ALIKE for hits, measure in both)
 
     def judged(self) -> tuple[InverseSolution, ...]:
         """Return those within the limits first, best conditioned first; not all singular ones."""
@@ -578,7 +563,7 @@ class FoundSolutions:
             return ()
         arm, held = self.arm, self.solver.held
         Q = np.where(np.isnan(held), arm.fold(np.array(self.q)), held)
-        measure = self._measure(Q)
+        measure = np.array(self.measure)
         regular: Bool = np.greater(measure, ALIKE)
         outside: Bool = np.asarray(arm.space.outside(Q).any(axis=1))
         outside |= bool(np.any((held < arm.lower) | (held > arm.upper)))
@@ -799,7 +784,6 @@ def inverse(
     full = ladder is not None and regular == ladder.most
     if ladder is not None and full:
         notes.append(f"there are no more regular ones: {ladder.kind}, at most {ladder.most}")
-    sure = full or len(found.q) == known
     return InverseSolutions(
         arm=summarize(arm),
         position=position,
@@ -807,39 +791,31 @@ def inverse(
         fixed={arm.joints[j]: float(held[j]) for j in np.flatnonzero(~np.isnan(held))},
         solutions=solutions,
         starts=made,
-        doubt=""
-        if sure
-        else _examples(len(solutions) - regular)
-        or _doubt(solutions, made, found.lacking)
-        or solver.doubt(np.array([s.q for s in solutions]).reshape(-1, arm.n)),
+        doubt="" if full or len(found.q) == known else _doubt(found, solutions, made),
         notes=tuple(notes),
     )
 
 
-def _examples(singular: int) -> str:
-    """Return a note if there are several singular solutions: there may be a curve of them."""
-    if singular < 2:
-        return ""
-    return (
-        f"{singular} of them are singular, and such are not isolated in general: they are examples "
-        "of perhaps infinitely many"
-    )
-
-
-def _doubt(solutions: tuple[InverseSolution, ...], made: int, lacking: int) -> str:
-    rare = [s.met for s in solutions if s.regular and s.met < ENOUGH]
-    if lacking:
+def _doubt(found: FoundSolutions, solutions: tuple[InverseSolution, ...], made: int) -> str:
+    """What speaks against that these are all, from ``made`` starts; empty where nothing does."""
+    singular = sum(not s.regular for s in solutions)
+    if singular > 1:  # there may be a curve of them
+        return (
+            f"{singular} of them are singular, and such are not isolated in general: they are "
+            "examples of perhaps infinitely many"
+        )
+    if lacking := found.lacking:
         return (
             "where all joints turn as many solutions have a positive determinant as a negative "
             f"one: of these {abs(lacking)} more are {'positive' if lacking < 0 else 'negative'}, "
             "so some were missed"
         )
-    return (
-        f"{len(rare)} of them {'was' if len(rare) == 1 else 'were'} met fewer than {ENOUGH} times "
-        f"in {made} starts: others may have been missed"
-        if rare
-        else ""
-    )
+    if rare := sum(s.regular and s.met < ENOUGH for s in solutions):
+        return (
+            f"{rare} of them {'was' if rare == 1 else 'were'} met fewer than {ENOUGH} times "
+            f"in {made} starts: others may have been missed"
+        )
+    return found.solver.doubt(np.array([s.q for s in solutions]).reshape(-1, found.arm.n))
 
 
 def _held(arm: Arm, fixed: Mapping[str, float]) -> Array:
@@ -935,17 +911,16 @@ class InverseMany:
             Q[np.arange(Q.shape[1]) < counts[:, None]] = every
             return self._verified(Q, position[part], rotation[part])
 
-        done, whole = 0, np.empty((nodes.size, 0, self.arm.n))
+        found: list[Array] = []
         with ThreadPoolExecutor(engine.cpu_count()) as pool:
             every = [0.0] * len(parts) if values is None else values
-            for part, q in zip(parts, pool.map(solutions, parts, every), strict=True):
-                if (slots := q.shape[1]) > whole.shape[1]:
-                    wider = np.full((nodes.size, slots, self.arm.n), np.nan)
-                    wider[:, : whole.shape[1]], whole = whole, wider
-                whole[part, :slots] = q
-                done += 1
+            for q in pool.map(solutions, parts, every):
+                found.append(q)
                 if progress is not None:
-                    progress(done, len(parts))
+                    progress(len(found), len(parts))
+        whole = np.full((nodes.size, max(q.shape[1] for q in found), self.arm.n), np.nan)
+        for part, q in zip(parts, found, strict=True):
+            whole[part, : q.shape[1]] = q
         return whole.reshape(N, G, *whole.shape[1:])
 
     def _continued(
@@ -957,18 +932,14 @@ class InverseMany:
         T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = rotation, position, 1.0
         rows = np.unique(np.linspace(0, N - 1, min(N, 5)).astype(int))
         columns = np.unique(np.linspace(0, G - 1, min(G, 9)).astype(int))
-        nodes: list[list[Array]] = [[np.empty((0, self.arm.n))] * G for _ in range(N)]
-        for k in rows:
-            for i in columns:
-                fixed = {} if values is None else {self.arm.joints[self.held or 0]: values[i]}
-                nodes[k][i] = np.array(
-                    [s.q for s in inverse(self.arm, T[k, i], fixed=fixed) if s.regular]
-                ).reshape(-1, self.arm.n)
-        slots = 2 * max(1, max(len(q) for row in nodes for q in row))
+        nodes: dict[tuple[int, int], list[Array]] = {}
+        for k, i in product(rows, columns):
+            fixed = {} if values is None else {self.arm.joints[self.held or 0]: values[i]}
+            nodes[k, i] = [s.q for s in inverse(self.arm, T[k, i], fixed=fixed) if s.regular]
+        slots = 2 * max(1, *map(len, nodes.values()))
         Q = np.full((N, G, slots, self.arm.n), np.nan)
-        for k, row in enumerate(nodes):
-            for i, q in enumerate(row):
-                Q[k, i, : len(q)] = q
+        for (k, i), q in nodes.items():
+            Q[k, i, : len(q)] = np.reshape(q, (-1, self.arm.n))
 
         def follow(to: tuple[Any, ...], source: Array) -> None:
             """Continue solutions (M, S, n) of neighbours to the nodes ``to`` that lack them."""
@@ -1043,6 +1014,5 @@ def _distinct(Q: Array, arm: Arm) -> Array:
 
 def _gaps(a: Array, b: Array, arm: Arm) -> Array:
     """Largest difference of joint values a and b (..., n), whole turns aside; inf beside NaN."""
-    gap = a - b
-    turns = np.where(arm.prismatic, 0.0, np.rint(gap / (2 * np.pi)))
-    return np.asarray(np.nan_to_num(np.abs(gap - 2 * np.pi * turns).max(axis=-1), nan=np.inf))
+    gap = np.abs(arm.space.wrap(a - b)).max(axis=-1)
+    return np.asarray(np.nan_to_num(gap, nan=np.inf))
