@@ -19,7 +19,6 @@ from pinsing.kinematics.jacobian import (
     check_tolerances,
     generic_rank,
     generic_task,
-    in_base,
     own_scale,
     rank_of,
     ratio_of,
@@ -27,6 +26,7 @@ from pinsing.kinematics.jacobian import (
     scale_notes,
     scale_rows,
     status_of,
+    task_rows,
     tip_and_jacobian,
 )
 from pinsing.kinematics.lost_motion import (
@@ -545,7 +545,7 @@ def _without(U: Array, other: Array) -> Array:
 
 def _in_all_rows(arm: Arm, U: Array, q: Array) -> Array:
     """Task directions (m, d) as directions (6, d), base axes, none of what the task leaves out."""
-    out = in_base(arm, U, q)
+    out = np.asarray(task_rows(arm, np.eye(6), q).T @ U)
     tip = arm.task.tip_rows
     # Rows in the axes of both need not be perpendicular.
     return out if all(tip) or not any(tip) else np.asarray(np.linalg.qr(out)[0])

@@ -192,15 +192,6 @@ def picked(task: Task, J: Array, R: Array | None) -> Array:
     return np.where(np.array(task.at_tip)[:, None], turned[..., rows, :], J[..., rows, :])
 
 
-def in_base(arm: Arm, U: Array, q: Array) -> Array:
-    """Wrenches (6, d) in base axes that the task rows U (m, d) at q (n,) are components of."""
-    if arm.task.at_tip:
-        return np.asarray(task_rows(arm, np.eye(6), q).T @ U)
-    out = np.zeros((6, U.shape[1]))
-    out[list(arm.task.rows)] = U
-    return out
-
-
 def turned_slopes(arm: Arm, J: Array, H: Array, Q: Array) -> Array:
     """Return derivatives (N, m, n, n) of task rows, from J (N, 6, n) and H (N, 6, n, n)."""
     # With dR/dq_j = [w_j] R the rows R^T v_i change by R^T (dv_i/dq_j - w_j x v_i).
@@ -456,7 +447,7 @@ def generic_rank(arm: Arm) -> int:
     if (sigma[:, -1] > ALIKE * np.maximum(sigma[:, 0], 1.0)).any():
         rank = min(len(arm.task.rows), arm.n)
     elif arm.coupling is not None:
-        rank = _sampled_rank(arm)
+        rank = int((sigma > SINGULAR_RTOL * np.maximum(sigma[:, :1], 1.0)).sum(axis=1).max())
     else:
         rank = exact_generic_rank(geometry, arm.task)
     OptionError.refuse_if(
@@ -533,19 +524,6 @@ def scale_notes(arm: Arm) -> Iterator[str]:
             "sigma_r/sigma_1, which singular and near-singular are judged by, is taken at the "
             f"arm's own length of {scale.length:g} m, sigma at length scale {arm.length_scale:g} m"
         )
-
-
-def _sampled_rank(exact: Arm) -> int:
-    """The same of an arm with mimic joints, by floats: these may follow by any multiple."""
-    # Whole circles, not the limits: an arm whose limits are narrow has a generic rank too.
-    Q = random_turns(exact, _RANK_SAMPLES)
-    J = batch(exact).frame_jacobians(Q)
-    scale = own_scale(exact)
-    sigma = np.linalg.svd(scale.apply(exact, J, Q), compute_uv=False)
-    largest = max(float(np.abs(J[:, :3]).max()) / scale.length, float(np.abs(J[:, 3:]).max()))
-    if sigma.max() <= SINGULAR_RTOL * largest:
-        return 0
-    return int((sigma > SINGULAR_RTOL * sigma[:, :1]).sum(axis=1).max())
 
 
 def fixed_batch(arm: Arm, engine: str = "auto") -> Batch:

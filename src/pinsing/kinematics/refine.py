@@ -47,27 +47,11 @@ UNDECIDED: Kind = "undecided"
 
 
 def clear_kinds(arm: Arm, Q: Array) -> list[Kind | None]:
-    """Return kinds at singular Q (N, n) where one motion is lost, and clear; else None."""
-    above, least, greatest, entry, reached, largest = _told(arm, Q).T
-    tol = _ROUNDING * largest
-    best = np.maximum(least, -greatest)
-    kinds: dict[int, Kind | None] = {0: None, 1: UNDECIDED, 2: "interior", 3: "boundary"}
-    clear = np.where(np.abs(best) > tol, np.where(best > 0, 3, 2), 0)
-    flat = np.where(reached > tol, 2, 1)
-    once = above == generic_rank(arm) - 1
-    return [kinds[k] for k in np.where(once, np.where(entry <= tol, flat, clear), 0).tolist()]
-
-
-def _told(arm: Arm, Q: Array) -> Array:
-    """Return (N, 6) of what is known to second order at Q (N, n) where one motion is lost.
-
-    How many singular values are not zero. With u the lost direction, N the motions that leave the
-    task at rest, and B_ij = u . dJ_i / dq_j: least and greatest eigenvalue of sym(N^T B N), its
-    largest entry, the norm of B N, and the largest entry of dJ.
+    """Return kinds at singular Q (N, n) where one motion is lost, and clear; else None.
 
     Where the generic rank r is less than the rows m, some motions are never there: of the m - r + 1
     missing directions, the one that a small move makes attainable again is lost, the range of U0^T
-    dJ N over all moves. Where that is not one, the rank is -1.
+    dJ N over all moves. Where that is not one, nothing is clear.
     """
     J, H = own_jacobians_and_derivatives(arm, Q)
     count, m, n = J.shape
@@ -76,28 +60,29 @@ def _told(arm: Arm, Q: Array) -> Array:
     missing, still = U[:, :, r - 1 :].transpose(0, 2, 1), Vt[:, r - 1 :]
     B = (missing @ H.reshape(count, m, n * n)).reshape(count, -1, n, n)
     largest = np.abs(H).max(axis=(1, 2, 3), initial=0.0)
-    one, lost = np.ones(count, dtype=bool), B[:, 0]
+    zero = SINGULAR_RTOL * np.maximum(sigma[:, :1], task_size(arm))
+    once, lost = (sigma > zero).sum(axis=1) == r - 1, B[:, 0]
     if m > r:
         moves = (still[:, None] @ B).reshape(count, m - r + 1, -1)
         W, size, _ = np.linalg.svd(moves, full_matrices=False)
-        one = (size > ZERO * largest[:, None]).sum(axis=1) == 1
+        once &= (size > ZERO * largest[:, None]).sum(axis=1) == 1
         lost = np.einsum("ka,kaij->kij", W[:, :, 0], B)
-    zero = SINGULAR_RTOL * np.maximum(sigma[:, :1], task_size(arm))
+    # With u the lost direction, N the motions that leave the task at rest, and B_ij = u . dJ_i /
+    # dq_j: sym(N^T B N).
     BN = lost @ still.transpose(0, 2, 1)
     form = still @ BN
     form = (form + form.transpose(0, 2, 1)) / 2
     values = np.linalg.eigvalsh(form)
-    return np.stack(
-        [
-            np.where(one, (sigma > zero).sum(axis=1), -1),
-            values[:, 0],
-            values[:, -1],
-            np.abs(form).max(axis=(1, 2), initial=0.0),
-            np.linalg.norm(BN, axis=(1, 2)),
-            largest,
-        ],
-        axis=1,
+    tol = _ROUNDING * largest
+    flat = np.abs(form).max(axis=(1, 2), initial=0.0) <= tol
+    reached = np.linalg.norm(BN, axis=(1, 2)) > tol
+    definite = np.maximum(values[:, 0], -values[:, -1])
+    found = np.select(
+        [~once, flat & reached, flat, definite > tol, definite < -tol],
+        ["", "interior", UNDECIDED, "boundary", "interior"],
+        "",
     )
+    return [kind or None for kind in found.tolist()]
 
 
 _SLIDE = 0.05  # length of the self-motion tried along a degenerate direction, as above
