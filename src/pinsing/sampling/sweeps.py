@@ -573,46 +573,42 @@ class CurveTable:
 
     def __init__(self, plan: SweepPlan) -> None:
         self.plan = plan
-        self._alone = np.array(
-            [i for i, e in enumerate(plan.effects) if e.reason != NOT_ASKED], dtype=np.int64
-        )
-        self._swept = np.array(plan.swept, dtype=np.int64)
-        # Curves of one level: number of the first, how many for every set, and the level.
-        self._blocks: list[tuple[int, int, PlannedLevel]] = []
-        self._length = len(self._alone)
-        for level in plan.levels:
-            each = len(self._swept) - level.level if level.swept else 0
-            self._blocks.append((self._length, each, level))
-            self._length += each * len(level.values)
         self.ranges = np.array([effect.range for effect in plan.effects], dtype=float)
+        n, moves = len(plan.effects), len(plan.swept)
+        alone = [effect.reason != NOT_ASKED for effect in plan.effects]
+        # Sets of special values, NaN where a joint is free, which joints move in turn, and the
+        # number of the first curve of each; the first set is that of no joint.
+        sets, count, forced = (
+            [np.full((1, n), np.nan)],
+            [np.array([sum(alone)])],
+            [np.zeros(1, bool)],
+        )
+        for level in plan.levels:
+            rows = np.full((len(level.values), n), np.nan)
+            np.put_along_axis(rows, level.joints, level.values, axis=1)
+            each = moves - level.level if level.swept else 0
+            sets, count = [*sets, rows], [*count, np.full(len(rows), each)]
+            forced.append(level.forced)
+        self._sets, self._forced = np.concatenate(sets), np.concatenate(forced)
+        self._first = np.concatenate([[0], np.concatenate(count).cumsum()])
+        self._moves = np.isnan(self._sets) & np.isin(np.arange(n), plan.swept)
+        self._moves[0] = alone
+        # A pruned plan has no set that contains a forced one, but those themselves.
+        self._singular = self._forced.copy()
+        for row in () if plan.prune else self._sets[self._forced]:
+            self._singular |= (np.isnan(row) | (self._sets == row)).all(axis=1)
 
     def __len__(self) -> int:
-        return self._length
+        return int(self._first[-1])
 
     def rows(self, numbers: ArrayLike) -> CurveRows:
         """Look up the curves ``numbers`` (C,)."""
         found = np.asarray(numbers, dtype=np.int64)
-        count, n = len(found), len(self.plan.nominal)
-        base = np.tile(self.plan.nominal, (count, 1))
-        fixed, forced = np.zeros((count, n), dtype=bool), np.zeros(count, dtype=bool)
-        moving = np.zeros(count, dtype=np.int64)
-        alone = found < len(self._alone)
-        moving[alone] = self._alone[found[alone]]
-        for first, each, level in self._blocks:
-            here = np.flatnonzero((found >= first) & (found < first + each * len(level.values)))
-            if not len(here):
-                continue
-            place, turn = np.divmod(found[here] - first, each)
-            rows, joints = here[:, None], level.joints[place]
-            base[rows, joints] = level.values[place]
-            fixed[rows, joints] = True
-            forced[here] = level.forced[place]
-            free = ~fixed[rows, self._swept[None]]  # the same number in each row
-            others = np.nonzero(free)[1].reshape(len(here), each)
-            moving[here] = self._swept[others[np.arange(len(here)), turn]]
-        # A pruned plan has no set that contains a forced one, but those themselves.
-        singular = forced if self.plan.prune else self._singular(base, fixed)
-        return CurveRows(found, base, fixed, moving, forced, singular)
+        place = np.searchsorted(self._first, found, side="right") - 1
+        fixed, turn = ~np.isnan(self._sets[place]), found - self._first[place]
+        base = np.where(fixed, self._sets[place], self.plan.nominal)
+        moving = (self._moves[place].cumsum(axis=1) == turn[:, None] + 1).argmax(axis=1)
+        return CurveRows(found, base, fixed, moving, self._forced[place], self._singular[place])
 
     def fixed_values(self, rows: CurveRows, k: int) -> Mapping[str, float]:
         """Joints at special values of one of ``rows``, by name."""
@@ -622,12 +618,8 @@ class CurveTable:
     def forced(self) -> Iterator[tuple[Array, range]]:
         """Minimal sets that are singular whatever the others, and the numbers of their curves."""
         # As rows (n,), NaN where a joint is free.
-        for first, each, level in self._blocks:
-            for place in np.flatnonzero(level.forced).tolist():
-                row = np.full(len(self.plan.nominal), np.nan)
-                row[level.joints[place]] = level.values[place]
-                begin = first + place * each
-                yield row, range(begin, begin + each)
+        for place in np.flatnonzero(self._forced):
+            yield self._sets[place], range(self._first[place], self._first[place + 1])
 
     def configurations(self, curves: ArrayLike, samples: ArrayLike) -> Array:
         """Joint vectors (P, n) of samples (P,) of curves (P,)."""
@@ -642,13 +634,6 @@ class CurveTable:
         """Joint vector (n,) of the Jacobian with that number."""
         curve, sample = divmod(index, self.plan.samples)
         return np.asarray(self.configurations([curve], [sample])[0])
-
-    def _singular(self, base: Array, fixed: Bool) -> Bool:
-        """Return which rows contain a set that is singular whatever the others."""
-        found = np.zeros(len(base), dtype=bool)
-        for row, _ in self.forced():
-            found |= (np.isnan(row) | (fixed & (base == row))).all(axis=1)
-        return found
 
 
 def axis_values(ranges: Array, samples: int, places: Ints) -> Array:
