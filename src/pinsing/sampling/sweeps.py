@@ -574,25 +574,20 @@ class CurveTable:
     def __init__(self, plan: SweepPlan) -> None:
         self.plan = plan
         self.ranges = np.array([effect.range for effect in plan.effects], dtype=float)
-        n, moves = len(plan.effects), len(plan.swept)
-        alone = [effect.reason != NOT_ASKED for effect in plan.effects]
+        n = len(plan.effects)
         # Sets of special values, NaN where a joint is free, which joints move in turn, and the
         # number of the first curve of each; the first set is that of no joint.
-        sets, count, forced = (
-            [np.full((1, n), np.nan)],
-            [np.array([sum(alone)])],
-            [np.zeros(1, bool)],
-        )
+        sets, forced, swept = [np.full((1, n), np.nan)], [np.zeros(1, dtype=bool)], [True]
         for level in plan.levels:
-            rows = np.full((len(level.values), n), np.nan)
-            np.put_along_axis(rows, level.joints, level.values, axis=1)
-            each = moves - level.level if level.swept else 0
-            sets, count = [*sets, rows], [*count, np.full(len(rows), each)]
+            sets.append(np.full((len(level.values), n), np.nan))
+            np.put_along_axis(sets[-1], level.joints, level.values, axis=1)
             forced.append(level.forced)
+            swept += [level.swept] * len(level.values)
         self._sets, self._forced = np.concatenate(sets), np.concatenate(forced)
-        self._first = np.concatenate([[0], np.concatenate(count).cumsum()])
         self._moves = np.isnan(self._sets) & np.isin(np.arange(n), plan.swept)
-        self._moves[0] = alone
+        self._moves &= np.array(swept)[:, None]
+        self._moves[0] = [effect.reason != NOT_ASKED for effect in plan.effects]
+        self._first = np.concatenate([[0], self._moves.sum(axis=1).cumsum()])
         # A pruned plan has no set that contains a forced one, but those themselves.
         self._singular = self._forced.copy()
         for row in () if plan.prune else self._sets[self._forced]:
