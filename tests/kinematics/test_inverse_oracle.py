@@ -10,7 +10,7 @@ from dh_reference import row_matrix
 from tiers import tiered_rows
 
 import pinsing
-from pinsing.kinematics.inverse import FoundSolutions, Solver, drawn, mirrored
+from pinsing.kinematics.inverse import FoundSolutions, Solver, drawn
 from pinsing.kinematics.jacobian import tip_placement
 
 
@@ -231,20 +231,6 @@ def test_a_sign_that_lacks_is_known():
         rng = np.random.default_rng(0)
         Q = drawn(solver, 40, rng, found.lacking)
         assert (solver.signs(Q) == found.lacking).all()
-
-
-def test_images_of_a_solution_are_the_others():
-    """Of a wrist whose axes meet exactly: half of the solutions differ by its flip."""
-    arm = pinsing.load("puma560")
-    T = tip_placement(arm, np.array([0.3, -0.8, 1.1, 0.4, 0.9, -0.5]))
-    solver = Solver(arm, T.translation, T.rotation)
-    known = pinsing.inverse(arm, T.homogeneous).q
-    flipped = known + np.array([0, 0, 0, np.pi, 0, np.pi])
-    flipped[:, 4] *= -1
-    images = mirrored(solver, known)
-    for q in flipped:
-        assert np.abs(arm.space.wrap(images - q)).max(axis=1).min() < 1e-9
-        assert np.abs(arm.space.wrap(known - q)).max(axis=1).min() < 1e-9
 
 
 def test_a_full_set_is_known_to_be_full():

@@ -177,23 +177,11 @@ class Solver:
 
 def _damped(J: Array, e: Array, damping: Array) -> Array:
     """Return steps (N, k) that solve (J'J + damping) step = J'e, for J (N, m, k) and e (N, m)."""
-    # J'J is known to rounding of its trace: with less damping J is decomposed itself where
-    # singular.
     transposed = J.transpose(0, 2, 1)
-    step = (transposed @ e[..., None])[..., 0]
-    gram = transposed @ J
-    little = damping <= FLOAT_NOISE * np.trace(gram, axis1=1, axis2=2)
-    much = np.flatnonzero(~little)
-    if len(much):
-        added = gram[much] + damping[much][:, None, None] * np.eye(J.shape[2])
-        step[much] = np.linalg.solve(added, step[much][..., None])[..., 0]
-    rest = np.flatnonzero(little)
-    if len(rest):
-        u, s, v = np.linalg.svd(J[rest], full_matrices=False)
-        along = (u.transpose(0, 2, 1) @ e[rest][..., None])[..., 0]
-        along *= s / np.maximum(s * s + damping[rest][:, None], 1e-300)
-        step[rest] = (v.transpose(0, 2, 1) @ along[..., None])[..., 0]
-    return step
+    gram = transposed @ J  # known to rounding of its trace
+    added = np.maximum(damping, FLOAT_NOISE * np.trace(gram, axis1=1, axis2=2))
+    gram += added[:, None, None] * np.eye(J.shape[2])
+    return np.asarray(np.linalg.solve(gram, transposed @ e[..., None])[..., 0])
 
 
 def radii(solver: Solver, Q: Array) -> Array:
@@ -342,7 +330,7 @@ class InverseSolution(JsonResult):
     within_limits : bool
         Whether all joints are within their limits.
     met : int
-        How many starts led here, random or made.
+        How many starts led here.
     error : float
         What is left of the pose, radians and metres over the length scale.
     radius : float
@@ -484,7 +472,6 @@ class FoundSolutions:
         self.measure: list[float] = []
         self.sign: list[float] = []
         self.hits: list[int] = []
-        self._followed = 0
 
     def add(self, Q: Array, left: Array) -> None:
         """Sort reached configurations into known and new ones."""
@@ -519,21 +506,6 @@ class FoundSolutions:
         sizes = np.linalg.svd(self.solver.linear(Q)[1], compute_uv=False)
         others = sizes[:, generic_rank(self.arm) - 1] / np.maximum(sizes[:, 0], 1e-300)
         return np.asarray(np.minimum(own, others))
-
-    def follow(self, images: Callable[[Array], Array]) -> None:
-        """Start from images of each solution that is new since the last time, and of theirs."""
-        for _ in range(4):
-            # Singular solutions lie on curves, of which there is no end.
-            new = [k for k in range(self._followed, len(self.q)) if self.measure[k] > ALIKE]
-            self._followed = len(self.q)
-            if not new:
-                return
-            start = images(np.array(self.q)[new])
-            gap = self.arm.space.wrap(start[:, None] - np.array(self.q))
-            start = start[np.abs(gap).max(axis=2).min(axis=1) > 0.1] if len(start) else start
-            if len(start):
-                # Steps from an image: it is near a solution, or of no use.
-                self.add(*self.solver.solve(start, 30))
 
     def clear(self) -> bool:
         """Return True if there are some, and none is nearly double, as next to a singularity."""
@@ -598,62 +570,6 @@ def drawn(solver: Solver, count: int, rng: np.random.Generator, lacking: int) ->
     return Q
 
 
-def mirrored(solver: Solver, Q: Array) -> Array:
-    """Return mirror images (K, n) of configurations (N, n), near which other solutions often are.
-
-    A wrist: of three axes the middle one takes the other value that leaves the angle of the outer
-    ones, and these follow, so that the rotation stays. An elbow: a joint takes the other value that
-    leaves the distance of its neighbours; the one before restores the farther one's direction, and
-    the one after takes the turn back.
-    """
-    n, free = Q.shape[1], set(solver.free.tolist())
-    turning = [j in free and not solver.chain.prismatic[j] for j in range(n)]
-    out = [Q[:0]]
-    for j in range(1, n - 1):
-        if all(turning[j - 1 : j + 2]):
-            out += [f(solver, Q, j) for f in (_mirrored_wrist, _mirrored_elbow)]
-    return np.concatenate(out)
-
-
-def _turns(angle: Array) -> Array:
-    """Rotations (N, 3, 3) about z."""
-    c, s, zero = np.cos(angle), np.sin(angle), np.zeros(len(angle))
-    return np.moveaxis(np.array([[c, -s, zero], [s, c, zero], [zero, zero, zero + 1]]), -1, 0)
-
-
-def _angle(v: Array) -> Array:
-    return np.asarray(np.arctan2(v[..., 1], v[..., 0]))
-
-
-def _mirrored_wrist(solver: Solver, Q: Array, j: int) -> Array:
-    A, B = solver.chain.R[j], solver.chain.R[j + 1]
-    a = A[2, 0] * B[0, 2] + A[2, 1] * B[1, 2]
-    b = A[2, 1] * B[0, 2] - A[2, 0] * B[1, 2]
-    if np.hypot(a, b) < ROUNDING:
-        return Q[:0]
-    X = Q.copy()
-    X[:, j] = 2 * np.arctan2(b, a) - Q[:, j]
-    was, now = (A @ _turns(x[:, j]) @ B for x in (Q, X))
-    X[:, j - 1] += _angle(was[:, :2, 2]) - _angle(now[:, :2, 2])
-    X[:, j + 1] += _angle(now[:, 2, :2]) - _angle(was[:, 2, :2])
-    return X
-
-
-def _mirrored_elbow(solver: Solver, Q: Array, j: int) -> Array:
-    C, inner, outer = solver.chain.R[j], solver.chain.t[j], solver.chain.t[j + 1]
-    r = C.T @ inner
-    a, b = r[:2] @ outer[:2], r[1] * outer[0] - r[0] * outer[1]
-    if np.hypot(a, b) < ROUNDING * solver.scale**2:
-        return Q[:0]
-    X = Q.copy()
-    X[:, j] = 2 * np.arctan2(b, a) - Q[:, j]
-    was, now = (inner + _turns(x[:, j]) @ outer @ C.T for x in (Q, X))
-    X[:, j - 1] += _angle(was) - _angle(now)
-    before, after = (np.sign(solver.chain.R[k][2, 2]) for k in (j, j + 1))
-    X[:, j + 1] -= after * (before * (X[:, j - 1] - Q[:, j - 1]) + X[:, j] - Q[:, j])
-    return X
-
-
 STARTS = 256
 MOST_STARTS = 4096
 
@@ -674,12 +590,11 @@ def inverse(
     check that.
 
     Otherwise, damped Newton steps (Levenberg, 1944; Marquardt, 1963) from random starts, all at
-    once, and from mirror images of each solution found. The starts are doubled until every
-    solution was met several times, since one that is met k times out of N has a share of about
-    k / N of the starts: a solution that was never met has a small one. Where all joints turn as
-    many solutions must have a positive determinant as a negative one: where they do not, starts
-    are drawn with the sign that lacks. That is no proof; `InverseSolutions.doubt` says where it
-    is weak.
+    once. The starts are doubled until every solution was met several times, since one that is met
+    k times out of N has a share of about k / N of the starts: a solution that was never met has a
+    small one. Where all joints turn as many solutions must have a positive determinant as a
+    negative one: where they do not, starts are drawn with the sign that lacks. That is no proof;
+    `InverseSolutions.doubt` says where it is weak.
 
     Solutions are counted modulo whole turns, and one copy of each is given: a joint that turns has
     its value from -pi to pi where the limits hold that, else the one nearest to the middle of the
@@ -769,7 +684,6 @@ def inverse(
         made += count
         if len(found.q) == known:
             break
-        found.follow(lambda Q: mirrored(solver, Q))
         if (not found.q and made >= starts) or found.settled():
             break
         count = min(max(made, starts - made), most - made)
