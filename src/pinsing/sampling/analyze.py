@@ -322,7 +322,7 @@ def _valleys(
     while left.any() and len(found) < 12 and time.monotonic() <= until:
         i = int(np.flatnonzero(left)[0])
         left[i] = False
-        for condition in map(tester.stated, tester.minimal_sets(points.q[i])):
+        for condition in map(tester.stated, tester.minimal_sets(tester.snap(points.q[i]))):
             # near-singular valleys are wide
             rows = on_condition(exact, condition, points.q, 0.05)
             left &= ~rows

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -352,14 +352,18 @@ class ConditionTester:
         """Rows of the fewest joints whose values at q (n,) force it, with those values polished."""
         found: list[Array] = []
         for size in range(len(self.joints) + 1):
-            rows = [held(q, subset) for subset in itertools.combinations(self.joints, size)]
-            rows = [row for row in rows if not any(np.isnan(f[np.isnan(row)]).all() for f in found)]
-            if not rows:
+            sets = [held(q, subset) for subset in itertools.combinations(self.joints, size)]
+            sets = [row for row in sets if not any(np.isnan(f[np.isnan(row)]).all() for f in found)]
+            if not sets:
                 break
-            screened = self.worst_ratios(np.array(rows), _SCREEN)
+            rows = np.array(sets)
+            screened = self.worst_ratios(rows, _SCREEN)
             loose = max(1e-6, self.rtol)  # ratio for candidates, before their values are polished
-            for k in np.flatnonzero(screened <= loose):
-                found += list(itertools.islice(filter(self.forces, self._polished(rows[k])), 1))
+            for row in rows[screened <= loose]:
+                ends = rows[:0] if self.forces(row) else self._push(row, 0.0)
+                polished = np.where(np.isnan(row), np.nan, _middle(ends)) if len(ends) else row
+                if self.forces(polished):
+                    found.append(polished)
         return found
 
     def conditions(self, q: Array) -> tuple[JointCondition, ...]:
@@ -374,20 +378,11 @@ class ConditionTester:
     def condition(self, row: Array) -> JointCondition:
         """Condition that the values of a row stand for: values, relation or both."""
         related, at = self._related(row), row
-        for _ in range(3):
-            if not related.any():
-                break
-            # A special member of a relation may hide joints that it depends on: go to a
-            # generic member and look again.
-            # push that leads from a special member of a relation to a generic one
-            points = self._push(at, 0.05)
-            if not len(points):
-                break
-            wider = [r for r in self.minimal_sets(points[0]) if not np.isnan(r[related]).all()]
-            if not wider or (np.isnan(wider[0]) == np.isnan(at)).all():
-                break
-            at = wider[0]
-            related = self._related(at)
+        # A special member of a relation may hide joints that it depends on: look at a generic one.
+        points = self._push(row, 0.05) if related.any() else row[:0]
+        wider = self.minimal_sets(points[0]) if len(points) else []
+        for generic in [r for r in wider if not np.isnan(r[related]).all()][:1]:
+            at, related = generic, self._related(generic)
         return self.stated(row, at, related)
 
     def stated(
@@ -412,15 +407,6 @@ class ConditionTester:
             worst_ratio=float(self.worst_ratios(row[None])[0]),
         )
 
-    def _polished(self, row: Array) -> Iterator[Array]:
-        """Values near those of a row that may force it to ``rtol``."""
-        near = special_nearby(self.arm, row)
-        yield np.where(np.abs(near - row) <= SNAP_TOL, near, row)
-        yield row
-        ends = self._push(row, 0.0)
-        if len(ends):
-            yield np.where(np.isnan(row), np.nan, _middle(ends))
-
     def _push(self, row: Array, size: float) -> Array:
         """Singular configurations (P, n) near the values of a row, the other joints at random."""
         free = np.isnan(row)
@@ -434,20 +420,14 @@ class ConditionTester:
         A continuum lets no push come back; another family nearby can catch a large push, no small
         one.
         """
-        there = ~np.isnan(row)
-        moved = np.zeros(len(row), dtype=bool)
-        # radians or length scales, to see whether values are isolated
-        for size in (1e-2, 1e-3, 1e-4) if there.sum() > 1 else ():
-            ends = self._push(row, size)
-            if len(ends) < _PUSHES // 2:
-                continue
-            away = _middle(np.abs(ends - row) / self.metric)
-            # of the push: values of which none ends farther away are isolated
-            if away[there].max() <= 0.1 * size:
-                return np.zeros(len(row), dtype=bool)
-            # of the push: else, a single value that ends nearer is fixed nevertheless
-            moved = moved if moved.any() else away > 1e-4 * size
-        return moved
+        there, size = ~np.isnan(row), 1e-3  # radians or length scales
+        ends = self._push(row, size) if there.sum() > 1 else row[:0]
+        if len(ends) < _PUSHES // 2:
+            return np.zeros(len(row), dtype=bool)
+        away = _middle(np.abs(ends - row) / self.metric)
+        # Where none ends farther away than a tenth of the push the values are isolated; else, a
+        # single value that ends nearer is fixed nevertheless.
+        return np.asarray((away > 1e-4 * size) & (away[there].max() > 0.1 * size))
 
 
 def held(q: Array, joints: Sequence[int]) -> Array:
