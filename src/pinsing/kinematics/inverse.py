@@ -177,11 +177,18 @@ class Solver:
 
 def _damped(J: Array, e: Array, damping: Array) -> Array:
     """Return steps (N, k) that solve (J'J + damping) step = J'e, for J (N, m, k) and e (N, m)."""
+    # J'J is known to rounding of its trace: with less damping J is decomposed itself.
     transposed = J.transpose(0, 2, 1)
-    gram = transposed @ J  # known to rounding of its trace
-    added = np.maximum(damping, FLOAT_NOISE * np.trace(gram, axis1=1, axis2=2))
-    gram += added[:, None, None] * np.eye(J.shape[2])
-    return np.asarray(np.linalg.solve(gram, transposed @ e[..., None])[..., 0])
+    gram = transposed @ J
+    little = damping <= FLOAT_NOISE * np.trace(gram, axis1=1, axis2=2)
+    gram += np.where(little, 1.0, damping)[:, None, None] * np.eye(J.shape[2])
+    step = np.asarray(np.linalg.solve(gram, transposed @ e[..., None])[..., 0])
+    if little.any():
+        u, s, v = np.linalg.svd(J[little], full_matrices=False)
+        along = (u.transpose(0, 2, 1) @ e[little][..., None])[..., 0]
+        along *= s / np.maximum(s * s + damping[little][:, None], 1e-300)
+        step[little] = (v.transpose(0, 2, 1) @ along[..., None])[..., 0]
+    return step
 
 
 def radii(solver: Solver, Q: Array) -> Array:
