@@ -265,7 +265,7 @@ def test_all_modes_of_the_5r(rng):
         assert [s.mode[:10] for s in found] == ["assembly +", "assembly -"]
         assert max(s.residual for s in found) < 1e-12
         assert min(np.abs(mechanism.fold(s.q - q[0])).max() for s in found) < 1e-9
-        working = dyad.working_modes(state.position[:2])
+        working = dyad.working_modes(complex(*state.position[:2]))
         assert len(working) == 4
         assert len({tuple(np.sign(elbow_sines(mechanism, x))) for x in working}) == 4
         for x in working:

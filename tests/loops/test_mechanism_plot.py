@@ -79,8 +79,8 @@ def test_a_five_bar_reaches_what_its_legs_reach_in_each_working_mode() -> None:
     rings = np.ones_like(x, dtype=bool)
     sure = np.ones_like(rings)
     for side in dyad.sides:
-        away = np.hypot(x - side.pivot[0], y - side.pivot[1])
-        most, least = side.crank_length + side.rod_length, abs(side.crank_length - side.rod_length)
+        away, arm, rod = abs(x + 1j * y - side.pivot), abs(side.arm), abs(side.rod)
+        most, least = arm + rod, abs(arm - rod)
         rings &= (away < most) & (away > least)
         sure &= (np.abs(away - most) > 0.03) & (np.abs(away - least) > 0.03)
     # The picture holds all of it.

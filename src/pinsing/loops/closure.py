@@ -856,87 +856,81 @@ def ranks(mechanism: Mechanism) -> Ranks:
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """One half of the loop, at the zero of its joints, in the plane."""
+    """One half of the loop, in the plane: its vectors are complex numbers, metres, at zero."""
 
-    pivot: Array  # (2,): fixed point A, metres
+    pivot: complex  # fixed point A
     # joint that turns the crank A-B; None if the link of the dyad hangs on A itself (B = A)
     crank: int | None
-    crank_sign: float  # sense of that joint in the plane
-    # crank_length and crank_angle: metres, radians
-    crank_length: float
-    crank_angle: float
+    sense: float  # of that joint in the plane
+    arm: complex  # from A to B
     pin: int  # passive joint at B
-    pin_sign: float  # sense of that joint
-    # rod_length and rod_angle: of the link B-P
-    rod_length: float
-    rod_angle: float
+    pin_sense: float  # of that joint
+    rod: complex  # from B to P
 
-    def end(self, turn: ArrayLike) -> Array:
-        """B (..., 2), metres, with the crank turned by angles (...) in the plane."""
-        return self.pivot + self.crank_length * _unit(np.asarray(turn) + self.crank_angle)
-
-    def turned(self, q: Array) -> Array:
-        """Angle (...) in the plane by which the crank is turned at q (..., n)."""
-        return self.crank_sign * q[..., self.crank] if self.crank is not None else 0 * q[..., 0]
+    def turn(self, q: Array) -> Any:
+        """By what the crank turns its link (...) at q (..., n)."""
+        return _unit(0 * q[..., 0] if self.crank is None else self.sense * q[..., self.crank])
 
 
 @dataclass(frozen=True, eq=False)
 class Dyad:
-    """The loop of a mechanism that two links close in a pin."""
+    """The loop of a mechanism that two links close in a pin; points are complex numbers, metres."""
 
     mechanism: Mechanism  # the whole
     sides: tuple[Side, Side]  # the first as in the loop's first frame
     basis: Array  # (2, 3): axes of the plane, in those of the root
 
-    def ends(self, inputs: ArrayLike) -> tuple[Array, Array]:
-        """Points B1 and B2 that the dyad hangs on, each (..., 2), at inputs (..., n_a)."""
+    @property
+    def rods(self) -> tuple[float, float]:
+        """Lengths of both links, metres."""
+        one, two = self.sides
+        return abs(one.rod), abs(two.rod)
+
+    def _driven(self, inputs: ArrayLike) -> Array:
+        """Configurations (..., n) with passive joints at zero."""
         q = np.zeros((*np.shape(inputs)[:-1], self.mechanism.n))
         q[..., list(self.mechanism.actuated)] = inputs
-        one, two = (side.end(side.turned(q)) for side in self.sides)
+        return q
+
+    def ends(self, inputs: ArrayLike) -> tuple[Any, Any]:
+        """Points B1 and B2 (...) that the dyad hangs on, at inputs (..., n_a)."""
+        q = self._driven(inputs)
+        one, two = (side.pivot + side.turn(q) * side.arm for side in self.sides)
         return one, two
 
-    def pin(self, inputs: ArrayLike, left: bool) -> Array:
-        """P (..., 2) at inputs (..., n_a), to the left or right of B1 -> B2; NaN if infeasible."""
+    def pin(self, inputs: ArrayLike, left: bool) -> Any:
+        """P (...) at inputs (..., n_a), to the left or right of B1 -> B2; NaN if infeasible."""
         first, second = self.ends(inputs)
-        gap = second - first
-        distance = np.linalg.norm(gap, axis=-1)
-        d1, d2 = self.sides[0].rod_length, self.sides[1].rod_length
+        (d1, d2), distance = self.rods, abs(second - first)
         with np.errstate(invalid="ignore", divide="ignore"):
             along = (distance**2 + d1**2 - d2**2) / (2 * distance)
             square = d1**2 - along**2
             square = np.where(np.abs(square) <= NOISE * d1**2, 0.0, square)
             height = np.sqrt(square) * (1 if left else -1)
-            unit = gap / distance[..., None]
-        across = np.stack([-unit[..., 1], unit[..., 0]], axis=-1)
-        return np.asarray(first + along[..., None] * unit + height[..., None] * across)
+            return first + (along + 1j * height) * (second - first) / distance
 
     def configuration(self, inputs: ArrayLike, left: bool) -> Array:
         """All joints (..., n) of one assembly mode at inputs (..., n_a); NaN if infeasible."""
         return self.reaching(inputs, self.pin(inputs, left))
 
-    def reaching(self, inputs: ArrayLike, P: Array) -> Array:
-        """All joints (..., n) at inputs (..., n_a) whose rods reach for P (..., 2)."""
-        inputs = np.asarray(inputs, dtype=float)
-        q = np.zeros((*inputs.shape[:-1], self.mechanism.n))
-        q[..., list(self.mechanism.actuated)] = inputs
+    def reaching(self, inputs: ArrayLike, P: Any) -> Array:
+        """All joints (..., n) at inputs (..., n_a) whose rods reach for P (...)."""
+        q = self._driven(inputs)
         for side, B in zip(self.sides, self.ends(inputs), strict=True):
-            reach = P - B
-            angle = np.arctan2(reach[..., 1], reach[..., 0]) - side.rod_angle - side.turned(q)
-            q[..., side.pin] = side.pin_sign * angle
+            q[..., side.pin] = side.pin_sense * np.angle((P - B) / (side.turn(q) * side.rod))
         return self.mechanism.space.wrap(q)
 
-    def link_directions(self, q: ArrayLike, side: int) -> tuple[Array, Array]:
-        """Unit vectors (..., 2) along the crank and the rod of a side at q (..., n)."""
-        q = np.asarray(q, dtype=float)
-        this = self.sides[side]
-        turned = this.turned(q)
-        rod = turned + this.pin_sign * q[..., this.pin] + this.rod_angle
-        return _unit(turned + this.crank_angle), _unit(rod)
+    def link_directions(self, q: ArrayLike, side: int) -> tuple[Any, Any]:
+        """Along the crank and the rod of a side, of length 1 (...), at q (..., n)."""
+        this, q = self.sides[side], np.asarray(q, dtype=float)
+        turned = this.turn(q)
+        rod = turned * _unit(this.pin_sense * q[..., this.pin]) * this.rod
+        return turned * _unit(np.angle(this.arm)), rod / abs(this.rod)
 
     def elbow_sine(self, q: ArrayLike, side: int) -> Array:
         """Sine (...) of the angle from crank to rod at q (..., n), zero if straight."""
         crank, rod = self.link_directions(q, side)
-        return np.asarray(crank[..., 0] * rod[..., 1] - crank[..., 1] * rod[..., 0])
+        return np.asarray((np.conj(crank) * rod).imag)
 
     def at_pin(self) -> bool:
         """Whether the output is the position of the pin, in the plane."""
@@ -956,49 +950,42 @@ class Dyad:
         # circle.
         inputs = self.mechanism.check_inputs(inputs)
         first, second = self.ends(inputs)
-        if np.linalg.norm(second - first) <= NOISE and np.isclose(
-            self.sides[0].rod_length, self.sides[1].rod_length, rtol=1e-12
-        ):
-            around = [first + self.sides[0].rod_length * _unit(turn) for turn in (0.0, np.pi)]
-            return tuple(self.reaching(inputs, P) for P in around)
+        d1, d2 = self.rods
+        if abs(second - first) <= NOISE and np.isclose(d1, d2, rtol=1e-12):
+            return tuple(self.reaching(inputs, first + way) for way in (d1, -d1))
         ways = [self.configuration(inputs, left) for left in (True, False)]
         found = [q for q in ways if np.isfinite(q).all()]
         return tuple(found[k] for k, *_ in groups(found, 1e-12, self.mechanism.space.wrap))
 
     def excess(self, inputs: Array) -> float:
         """By how much the ends are too far apart for the rods or too near, metres; or negative."""
-        gap = float(np.linalg.norm(np.subtract(*self.ends(inputs))))
-        d1, d2 = (side.rod_length for side in self.sides)
+        first, second = self.ends(inputs)
+        (d1, d2), gap = self.rods, float(abs(second - first))
         return max(gap - d1 - d2, abs(d1 - d2) - gap)
 
     def touching(self, inputs: Array) -> tuple[Array, ...]:
         """The one configuration where the circles of the rods touch, for inputs off by rounding."""
         first, second = self.ends(inputs)
-        gap, d1 = float(np.linalg.norm(second - first)), self.sides[0].rod_length
+        (d1, d2), gap = self.rods, abs(second - first)
         if abs(self.excess(inputs)) > 1e-9 or gap == 0:
             return ()
-        along = np.sign(gap**2 + d1**2 - self.sides[1].rod_length ** 2) * d1
+        along = np.sign(gap**2 + d1**2 - d2**2) * d1
         return (self.reaching(inputs, first + along * (second - first) / gap),)
 
-    def working_modes(self, point: ArrayLike) -> tuple[Array, ...]:
-        """All configurations (n,) that put the pin at a point (2,) of the plane: up to four."""
-        point = np.asarray(point, dtype=float)
-        choices: list[list[tuple[float, ...]]] = []
+    def working_modes(self, point: complex) -> tuple[Array, ...]:
+        """All configurations (n,) that put the pin at a point of the plane: up to four."""
+        choices: list[list[dict[int, float]]] = []
         for side in self.sides:
-            reach = point - side.pivot
-            far, length, rod = float(np.linalg.norm(reach)), side.crank_length, side.rod_length
+            far, length, rod = abs(point - side.pivot), abs(side.arm), abs(side.rod)
             if side.crank is None:
-                choices.append([()] if abs(far - rod) <= 1e-9 * rod else [])
+                choices.append([{}] if abs(far - rod) <= 1e-9 * rod else [])
                 continue
             cosine = (far**2 + length**2 - rod**2) / (2 * far * length) if far > 0 else np.inf
-            away = float(np.arctan2(reach[1], reach[0])) - side.crank_angle
+            away = float(np.angle((point - side.pivot) / side.arm))
             bend = float(np.arccos(np.clip(cosine, -1, 1)))
             turns = [] if abs(cosine) > 1 + NOISE else [bend, -bend] if bend > 0 else [0.0]
-            choices.append([(side.crank_sign * (away + turn),) for turn in turns])
-        cranks = [side.crank for side in self.sides if side.crank is not None]
-        every = (
-            dict(zip(cranks, (*one, *two), strict=True)) for one, two in itertools.product(*choices)
-        )
+            choices.append([{side.crank: side.sense * (away + turn)} for turn in turns])
+        every = (one | two for one, two in itertools.product(*choices))
         actuated = self.mechanism.actuated
         return tuple(self.reaching([values[j] for j in actuated], point) for values in every)
 
@@ -1015,41 +1002,24 @@ def planar_dyad(mechanism: Mechanism) -> Dyad | None:
     basis, normal = plane[0][:2], plane[0][2]
     paths = [path_to(mechanism, body) for body in bodies(mechanism)[0]]
     ends = [np.array(zero.frames[k].translation) for (k,) in closing(mechanism)]
-    one, two = (
-        _side(mechanism, path, zero, zero.axis @ normal, basis, end)
-        for path, end in zip(paths, ends, strict=True)
-    )
     # Ends that miss each other along the axes never close as points in space.
     apart = kinds == ["3d"] and abs(float((ends[0] - ends[1]) @ normal)) > 1e-9
-    if one is None or two is None or apart or sum(map(len, paths)) != mechanism.n:
+    if apart or sum(map(len, paths)) != mechanism.n:
         return None
-    return Dyad(mechanism, (one, two), basis)
+    senses = np.sign(zero.axis @ normal)
+    sides = []
+    for path, end in zip(paths, ends, strict=True):
+        if [j in mechanism.actuated for j in path] not in ([True, False], [False]):
+            return None
+        first, last = path[0], path[-1]
+        A, B, P = (complex(*(basis @ x)) for x in (*zero.origins[[first, last]], end))
+        crank = None if first == last else first
+        if P == B or (B == A and crank is not None):
+            return None
+        sense = 1.0 if crank is None else float(senses[crank])
+        sides.append(Side(A, crank, sense, B - A, last, float(senses[last]), P - B))
+    return Dyad(mechanism, (sides[0], sides[1]), basis)
 
 
-def _side(
-    mechanism: Mechanism, path: list[int], zero: Sample, senses: Array, basis: Array, end: Array
-) -> Side | None:
-    if [j in mechanism.actuated for j in path] not in ([True, False], [False]):
-        return None
-    points = [basis @ zero.origins[j] for j in path]
-    rod = basis @ end - points[-1]
-    length = float(np.linalg.norm(rod))
-    crank = points[-1] - points[0]
-    crank_length = float(np.linalg.norm(crank))
-    if length <= 0 or (len(path) == 2 and crank_length <= 0):
-        return None
-    return Side(
-        pivot=points[0],
-        crank=path[0] if len(path) == 2 else None,
-        crank_sign=float(np.sign(senses[path[0]])) if len(path) == 2 else 1.0,
-        crank_length=crank_length,
-        crank_angle=float(np.arctan2(crank[1], crank[0])),
-        pin=path[-1],
-        pin_sign=float(np.sign(senses[path[-1]])),
-        rod_length=length,
-        rod_angle=float(np.arctan2(rod[1], rod[0])),
-    )
-
-
-def _unit(angle: ArrayLike) -> Array:
-    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+def _unit(angle: ArrayLike) -> Any:
+    return np.exp(1j * np.asarray(angle))

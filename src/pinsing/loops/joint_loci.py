@@ -226,13 +226,14 @@ class _LoopEquations:
             if side.crank is not None:
                 j = actuated.index(side.crank)
                 x, y = (self.ring.context.gens()[k] for k in self.ring.variables(j))
-                # angle = sign q + crank_angle = sign (q + offset)
-                self.offset[j] = side.crank_sign * side.crank_angle
+                # angle = sense q + that at zero = sense (q + offset)
+                self.offset[j] = side.sense * np.angle(side.arm)
             self.w.append(x**2 + y**2)
-            self.direction.append((x**2 - y**2, 2 * int(side.crank_sign) * x * y))
-        self.cranks = [self._exact(side.crank_length, "crank") for side in dyad.sides]
-        self.pivots = [[self._exact(float(x), "pivot") for x in s.pivot] for s in dyad.sides]
-        self.rods = tuple(self._exact(side.rod_length, "rod") for side in dyad.sides)
+            self.direction.append((x**2 - y**2, 2 * int(side.sense) * x * y))
+        self.cranks = [self._exact(abs(side.arm), "crank") for side in dyad.sides]
+        pivots = [(side.pivot.real, side.pivot.imag) for side in dyad.sides]
+        self.pivots = [[self._exact(x, "pivot") for x in at] for at in pivots]
+        self.rods = tuple(self._exact(rod, "rod") for rod in dyad.rods)
         self.tried = np.random.default_rng(6151).uniform(-np.pi, np.pi, (60, len(actuated)))
 
     def _exact(self, value: float, what: str) -> Any:
@@ -266,7 +267,7 @@ class _LoopEquations:
         gap = dyad.sides[1].pivot - dyad.sides[0].pivot
         # Lengths that turn about the pivots: the cranks, that of a leg with its rod along it.
         arms = [
-            side.crank_length + (sense * side.rod_length if leg == k else 0.0)
+            abs(side.arm) + (sense * abs(side.rod) if leg == k else 0.0)
             for k, side in enumerate(dyad.sides)
         ]
         extremes = _extremes(dyad, gap, arms)
@@ -288,7 +289,7 @@ class _LoopEquations:
             # inputs and the distance of their pivots count, else all along one of the inputs.
             single = 0 in (values.min(), values.max())
             both = coincide or (single and len(form.involved) == 2)
-            points_only = bool(np.any(gap != 0)) and both
+            points_only = gap != 0 and both
             candidates = touching if points_only else self._on(form, extremes)
             witness = _witness(dyad, leg, candidates, points_only, sense)
             ends = [f"{'A' if s.crank is None else 'B'}{k}" for k, s in enumerate(dyad.sides, 1)]
@@ -298,9 +299,7 @@ class _LoopEquations:
             # In square metres, up to sign: squared distance minus squared reach. Type 2: |B1 B2|^2
             # - (d1 +- d2)^2. Type 1 of leg 1: |A1 + (l1 +- d1) e1 - B2|^2 - d2^2. The cosine rule
             # gives the coefficient of the highest frequency, and with it the scale.
-            reach = (
-                arms if len(form.joints) > 1 else [x or float(np.linalg.norm(gap)) for x in arms]
-            )
+            reach = arms if len(form.joints) > 1 else [x or abs(gap) for x in arms]
             top = int(np.argmax(np.abs(form.frequencies).sum(axis=1)))
             size = float(np.hypot(form.cos, form.sin)[top])
             target = 2 * abs(reach[0] * reach[1])
@@ -318,26 +317,25 @@ class _LoopEquations:
                     yield np.where(np.arange(n) == free, value, base)
 
 
-def _extremes(dyad: Dyad, gap: Array, arms: Sequence[float]) -> Array:
-    """Return inputs (k, n_a) at which the distance of the ends of two arms is extreme.
+def _extremes(dyad: Dyad, gap: complex, arms: Sequence[float]) -> Array:
+    """Inputs (k, n_a) at which the distance of two arms' ends is extreme: they decide on a locus.
 
-    It decides on a locus. It is stationary where both arms, which turn about pivots a ``gap`` (2,)
-    apart, lie on the line of the pivots, and least where the ends meet.
+    It is stationary where both arms, which turn about pivots a ``gap`` apart, lie on the line of
+    the pivots, and least where the ends meet.
     """
-    far, along = float(np.linalg.norm(gap)), float(np.arctan2(gap[1], gap[0]))
+    far, along = abs(gap), float(np.angle(gap))
     found = [(along + a, along + b) for a in (0.0, np.pi) for b in (0.0, np.pi)]
     one, two = arms  # less than nothing where a rod is folded over a shorter crank
     if far > 0 and one != 0 and abs(abs(one) - abs(two)) <= far <= abs(one) + abs(two):
         bend = float(np.arccos(np.clip((far**2 + one**2 - two**2) / (2 * far * one), -1, 1)))
         for turn in (bend, -bend):
-            away = one * np.array([np.cos(turn), np.sin(turn)]) - [far, 0.0]
-            away = away if two > 0 else -away
-            found.append((along + turn, along + float(np.arctan2(away[1], away[0]))))
+            away = one * np.exp(1j * turn) - far
+            found.append((along + turn, along + float(np.angle(away if two > 0 else -away))))
     out = np.zeros((len(found), len(dyad.mechanism.inputs)))
     for side, angle in zip(dyad.sides, np.array(found).T, strict=True):
         if side.crank is not None:
             k = dyad.mechanism.actuated.index(side.crank)
-            out[:, k] = side.crank_sign * (angle - side.crank_angle)
+            out[:, k] = side.sense * (angle - np.angle(side.arm))
     return np.pi - np.mod(np.pi - out, 2 * np.pi)
 
 
@@ -352,7 +350,7 @@ def _witness(
         # Unit vectors that agree where a leg, or both rods, are stretched.
         links = [dyad.link_directions(q, k) for k in (0, 1)]
         first, second = (links[0][1], -links[1][1]) if leg is None else links[leg]
-        if straight and sense * float(first @ second) >= 0:
+        if straight and sense * float((np.conj(first) * second).real) >= 0:
             point = refine_point(mechanism, q, "type 2" if leg is None else "type 1", held)
             if point.converged and np.abs(mechanism.space.wrap(point.q - q)).max() < 1e-3:
                 return point

@@ -965,7 +965,7 @@ def working_modes(
     wanted = read_pose(mechanism, pose)
     dyad = planar_dyad(mechanism)
     if dyad is not None and dyad.at_pin():
-        at = dyad.basis @ np.array(wanted.translation)
+        at = complex(*(dyad.basis @ wanted.translation))
         return _exact(mechanism, "inverse", dyad.working_modes(at), 4)
     free = np.ones(mechanism.n, dtype=bool)
     target = (np.array(wanted.rotation), np.array(wanted.translation), mechanism.task.rows)

@@ -87,8 +87,7 @@ def input_map(
     closed = np.asarray(np.isfinite(q).all(axis=-1))
     d = np.degrees if degrees else np.asarray
     ax.contourf(d(x), d(y), closed.astype(float), levels=[0.5, 1.5], colors=[_FEASIBLE])
-    distance = np.linalg.norm(np.subtract(*dyad.ends(grid)), axis=-1)
-    one, two = (side.rod_length for side in dyad.sides)
+    distance, (one, two) = abs(np.subtract(*dyad.ends(grid))), dyad.rods
     for reach, style in ((one + two, "-"), (abs(one - two), "--")):
         if reach > 0:
             zero_line(ax, d(x), d(y), distance - reach, TYPE_2, style)
@@ -120,7 +119,7 @@ def _type_1(
         return
     for leg in (0, 1):
         crank, rod = dyad.link_directions(q, leg)
-        straight = (crank * rod).sum(axis=-1) > 0
+        straight = (np.conj(crank) * rod).real > 0
         sine = dyad.elbow_sine(q, leg)
         for stretched, style in ((True, "-"), (False, "--")):
             yield np.where(closed & (straight == stretched), sine, np.nan), style
@@ -227,15 +226,12 @@ def _isolated(mechanism: Mechanism, dyad: Dyad) -> list[tuple[str, Array]]:
     loci = () if forms is None else forms.loci
     out = [(x.kind, x.witness.inputs) for x in loci if x.points_only and x.witness]
     # Mirrored about the line of the pivots it is another, or itself where all is in line.
-    gap = dyad.sides[1].pivot - dyad.sides[0].pivot
-    axis = float(np.arctan2(gap[1], gap[0]))
+    axis = np.angle(dyad.sides[1].pivot - dyad.sides[0].pivot)
     cranks = {side.crank: side for side in dyad.sides}
     sides = [cranks[j] for j in mechanism.actuated]
+    turn = np.array([2 * s.sense * (axis - np.angle(s.arm)) for s in sides])
     for kind, p in list(out):
-        mirrored = np.array([
-            s.crank_sign * (2 * axis - (s.crank_sign * x + s.crank_angle) - s.crank_angle)
-            for s, x in zip(sides, p, strict=True)
-        ])  # fmt: skip
+        mirrored = turn - p
         out.append((kind, (mirrored + np.pi) % (2 * np.pi) - np.pi))
     return out
 
