@@ -143,26 +143,27 @@ class Hinge:
 
 
 class LegChain:
-    """Joints from the base outwards, and the frame behind the last one.
+    """Joints from the base outwards, and the frame behind the last one; all of it in the base.
 
     From ``axes`` and points ``origins`` (k, 3) at zero, base, metres; ``turn`` is a rotation of the
     base before anything else. Times ``scale``, the product of all joints' squared half-angle
     lengths, are ``rotation`` and ``position`` of the last frame, where the last joint is at
-    ``last`` with all joints at zero. All of this is in the frame with axes ``frame`` (3, 3) and
-    origin ``start`` in the base, or exactly ``base`` and ``at`` in the base that was turned.
+    ``last`` with all joints at zero. Numbers are made exact in axes ``frame`` (3, 3) about
+    ``start`` in the base, which ``base`` and ``at`` are in exact numbers.
     """
 
     def __init__(
         self, ring: Ring, joints: Sequence[int], axes: Array, origins: Array, turn: Turn
     ) -> None:
-        gens = ring.context.gens()
-        one, zero = ring.one, ring.zero
+        gens, zero = ring.context.gens(), ring.zero
         self.ring, self.frame, self.start = ring, _frame(axes), origins[0]
         base, at = rational_turn(self.frame), vector(self.start)
         # By how much numbers were changed at most to be rational.
         self.off = max(away(base, self.frame), away((at,), [self.start]))
-        R = [[one if i == k else zero for k in range(3)] for i in range(3)]
-        p, scale = [zero, zero, zero], one
+        none = Fraction(0)
+        self.base = [[ring.number(x) for x in row] for row in _product(turn, base, none)]
+        self.at = [ring.number(dot(row, at, none)) for row in turn]
+        R, p, scale = self.base, self.at, ring.one
         self.last = (Fraction(0),) * 3
         self.hinges: list[Hinge] = []
         places = zip(joints, axes @ self.frame, (origins - self.start) @ self.frame, strict=True)
@@ -185,21 +186,22 @@ class LegChain:
             w = x**2 + y**2
             p, scale = [w * v for v in p], scale * w
         self.rotation, self.position, self.scale = R, p, scale
-        self.base = _product(turn, base, Fraction(0))
-        self.at = [row[0] for row in _product(turn, [[v] for v in at], Fraction(0))]
 
     def point(self, place: Array) -> Row:
         """A point of the last body, times ``scale``: where it is (3,) with all joints at zero."""
-        away = vector(self._local(place) - np.array([float(v) for v in self.last]))
-        turned = (dot(row, map(rational, away), self.ring.zero) for row in self.rotation)
-        return [p + x for p, x in zip(self.position, turned, strict=True)]
+        away = self._local(place) - np.array([float(v) for v in self.last])
+        return self._moved(away, self.rotation, self.position)
 
     def fixed(self, place: Array) -> Row:
-        """A point of the base (3,), in the frame of the chain."""
-        return [self.ring.one * rational(v) for v in vector(self._local(place))]
+        """A point of the base (3,)."""
+        return self._moved(self._local(place), self.base, self.at)
 
     def _local(self, place: Array) -> Array:
         return np.array(self.frame.T @ (place - self.start))
+
+    def _moved(self, place: Array, R: Sequence[Sequence[Any]], p: Sequence[Any]) -> Row:
+        exact = [self.ring.number(v) for v in vector(place)]
+        return [a + dot(row, exact, self.ring.zero) for a, row in zip(p, R, strict=True)]
 
     def velocity(self, hinge: Hinge, point: Row, scale: Poly) -> Row:
         """Velocity of a point (times ``scale``) by a joint, up to a positive factor."""
@@ -207,15 +209,6 @@ class LegChain:
             return [scale * a for a in hinge.axis]
         grown = scale / hinge.scale
         return cross(hinge.axis, [b - grown * o for b, o in zip(point, hinge.origin, strict=True)])
-
-    def in_base(self, row: Row) -> Row:
-        """A vector in the axes of the base."""
-        return [dot(row, map(rational, along), self.ring.zero) for along in self.base]
-
-    def placed(self, point: Row, scale: Poly) -> Row:
-        """A point (times ``scale``) in the base."""
-        turned = self.in_base(point)
-        return [turned[i] + scale * rational(self.at[i]) for i in range(3)]
 
 
 def _frame(axes: Array) -> Array:

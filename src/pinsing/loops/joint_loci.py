@@ -358,6 +358,15 @@ def _witness(
 
 
 _AT_REST = "a motion of the joints leaves the output at rest"
+_AS_IT_IS = rational_turn(np.eye(3))
+
+Step = tuple[int, int]
+"""A joint, and 1 where it is passed outwards, -1 where towards the base."""
+
+
+def outwards(mechanism: Mechanism, body: int) -> list[Step]:
+    """The way from the base to a body (a joint of the model)."""
+    return [(j, 1) for j in path_to(mechanism, body)]
 
 
 class _ExactTree:
@@ -381,6 +390,22 @@ class _ExactTree:
         found = LegChain(self.ring, joints, axes, self.zero.origins[joints], turn)
         self.off = max(self.off, found.off)
         return found
+
+    def columns(
+        self, steps: Sequence[Step], at: Array, turn: Turn, rests: bool = False
+    ) -> Iterator[tuple[int, Row]]:
+        """Yield joints, and what each does to a point and to the turn of its body: six numbers."""
+        # The point (3,), with all joints at zero, is one of the last body, or of the first where it
+        # ``rests``. A joint that is passed from its own body to the one before moves that the other
+        # way.
+        chain = self.chain([j for j, _ in steps], turn, np.array([float(s) for _, s in steps]))
+        point, scale, none = chain.point(at), chain.scale, [self.ring.zero] * 3
+        for hinge in chain.hinges:
+            if rests:
+                scale = hinge.scale
+                point = [scale * x for x in chain.fixed(at)]
+            turned = none if hinge.slides else [scale * x for x in hinge.axis]
+            yield hinge.joint, [*chain.velocity(hinge, point, scale), *turned]
 
     def loci(self, kind: str, words: str, rows: list[Row]) -> list[JointLocus]:
         """A determinant multiplied out and factored where it is small; as it is where not."""
@@ -517,9 +542,9 @@ class LegWrenches(_ExactTree):
     ``wrenches``: of each the number of its leg, from 1; force and moment about the origin of the
     base (6,), in the plane fx, fy, mz, on the sphere the moment about the centre (3,), all entries
     of one degree in each joint; and by joint what the leg's actuated joints feel, where they feel
-    something. The ``carrier`` is the way along the tree up to the output, whose origin is
-    ``output`` in the base, times the carrier's scale. Where that way has not ``ended`` in a ball
-    (pin, hinge) its own joints are the unknowns, and the wrenches are those of the others.
+    something. The ``carrier`` is the ``way`` along the tree up to the output, whose origin is
+    ``at`` with all joints at zero. Where that way has not ``ended`` in a ball (pin, hinge) its own
+    joints are the unknowns, and the wrenches are those of the others.
     ``passive``: what is zero where passive joints depend on each other, by the number of their leg,
     these joints, and whether they are the three hinges that a file writes for a ball.
     """
@@ -531,11 +556,14 @@ class LegWrenches(_ExactTree):
         NotThisKind.refuse_if(len(used) > len(set(used)), "legs share passive joints")
         self.wrenches: list[tuple[int, Row, dict[int, Poly]]] = []
         self.passive: dict[tuple[int, tuple[int, ...], bool], Poly] = {}
-        self.carrier = self.chain(path_to(mechanism, structure(mechanism).output), self.turn)
-        at = np.array(self.zero.frames[mechanism.output_id].translation)
-        # Origin of the output frame in the base, times the carrier's scale.
-        self.output = self.carrier.placed(self.carrier.point(at), self.carrier.scale)
+        self.way = outwards(mechanism, structure(mechanism).output)
+        self.carrier = self.chain([j for j, _ in self.way], self.turn)
+        self.at = np.array(self.zero.frames[mechanism.output_id].translation)
         self.ended = ways[0][1] is not None or self.kind == SPHERE
+        # Of each joint of the carrier the velocity of the base's origin, and the turn.
+        self.twists = (
+            [] if self.ended else [*self.columns(self.way, np.zeros(3), self.turn, rests=True)]
+        )
         for number, (joints, end, ball) in enumerate(ways, 1):
             if number == 1 and not self.ended:
                 continue
@@ -575,7 +603,11 @@ class LegWrenches(_ExactTree):
                 for h in chain.hinges
                 if h.joint in mechanism.actuated
             }
-            line = chain.in_base(plain) if sphere else self._line(chain, plain, point)
+            line = plain
+            if not sphere:
+                # About the origin of the base; every entry of one degree.
+                whole = [*(chain.scale * x for x in plain), *cross(point, plain)]
+                line = in_room(self.kind, _primitive(whole)[0])
             self.wrenches.append((number, line, {j: x for j, x in felt.items() if x != 0}))
             yield content
 
@@ -589,10 +621,7 @@ class LegWrenches(_ExactTree):
             NotThisKind.refuse_if(
                 len(arms) > 1, "a leg has more passive joints than its end leaves it"
             )
-            normal = [one * rational(v) for v in chain.base[2]]  # in the frame of the chain
-            crossed = [cross(normal, a) for a in arms or every]
-            # Of the three axes any two that are not the normal.
-            return crossed if arms else [c for c in crossed if any(x != 0 for x in c)][:2]
+            return [cross(every[2], a) for a in arms or every[:2]]
         if len(arms) == 2:
             return [cross(arms[0], arms[1])]
         NotThisKind.refuse_if(
@@ -605,14 +634,6 @@ class LegWrenches(_ExactTree):
         NotThisKind.refuse_if(hinge.slides, "a passive slide is the only passive joint of a leg")
         grown = chain.scale / hinge.scale
         return [hinge.axis, [b - grown * o for b, o in zip(point, hinge.origin, strict=True)]]
-
-    def _line(self, chain: LegChain, force: Row, point: Row) -> Row:
-        """Wrench of a force through a point, in the base; every entry of one degree."""
-        # About the first joint's place the moment is simple; what it has in common is taken out.
-        plain, _ = _primitive([*(chain.scale * x for x in force), *cross(point, force)])
-        f, m = chain.in_base(plain[:3]), chain.in_base(plain[3:])
-        at = [self.ring.one * rational(v) for v in chain.at]
-        return in_room(self.kind, [*f, *(a + b for a, b in zip(m, cross(at, f), strict=True))])
 
     def type2(self) -> list[JointLocus]:
         """Where the output moves with the actuators locked."""
@@ -661,7 +682,7 @@ class LegWrenches(_ExactTree):
             [*self._row(line, locked=False), *(zero - arms.get(j, zero) for j in drivers)]
             for _, line, arms in self.wrenches
         ]
-        rows += [[*self._output_row(k), *[zero] * len(drivers)] for k in task]
+        rows += [[*row, *[zero] * len(drivers)] for row in self._output_rows()]
         NotThisKind.refuse_if(
             any(len(row) != len(rows) for row in rows), "there are other equations than motions"
         )
@@ -683,39 +704,27 @@ class LegWrenches(_ExactTree):
         """A wrench by the output's twist, or by the carrier's joints where they are unknown."""
         if self.ended:
             return line
-        twists = zip(self._twists(), self.carrier.hinges, strict=True)
         out = [
-            dot(line, in_room(self.kind, [*velocity, *turning]), self.ring.zero)
-            for (turning, velocity), hinge in twists
-            if not locked or hinge.joint in self.mechanism.passive
+            dot(line, in_room(self.kind, twist), self.ring.zero)
+            for joint, twist in self.twists
+            if not locked or joint in self.mechanism.passive
         ]
         return _level(out, self.ring)
 
-    def _twists(self) -> Iterator[tuple[Row, Row]]:
-        """Turning and velocity of the base's origin by each of the carrier's joints."""
-        chain, zero = self.carrier, self.ring.zero
-        for h in chain.hinges:
-            axis = chain.in_base(h.axis)
-            if h.slides:
-                yield [zero] * 3, axis
-            else:  # scales: both times that of the joint, squared in the velocity
-                yield [h.scale * a for a in axis], cross(chain.placed(h.origin, h.scale), axis)
-
-    def _output_row(self, k: int) -> Row:
-        """A row of the output's velocity by the unknowns: in the axes of the turned base."""
-        zero, scale = self.ring.zero, self.carrier.scale
-        # Rows of the file are in the base; a plane may have been turned to lie level.
-        unit = [self.ring.one * rational(self.turn[i][k % 3]) for i in range(3)]
-        if self.ended:
+    def _output_rows(self) -> Iterator[Row]:
+        """Rows of the output's velocity by the unknowns: in the axes of the base, not turned."""
+        ring, task = self.ring, self.mechanism.task.rows
+        if not self.ended:
+            moved = [x for _, x in self.columns(self.way, self.at, _AS_IT_IS)]
+            yield from ([x[k] for x in moved] for k in task)
+            return
+        scale, output = self.carrier.scale, self.carrier.point(self.at)
+        for k in task:
+            unit = [ring.number(self.turn[i][k % 3]) for i in range(3)]
             grown = [scale * u for u in unit]
             # With p the output, u . (v + w x p) = u . v + w . (p x u).
-            whole = [*([zero] * 3), *grown] if k >= 3 else [*grown, *cross(self.output, unit)]
-            return in_room(self.kind, whole)
-        out = []
-        for turning, velocity in self._twists():
-            moved = zip(velocity, cross(turning, self.output), strict=True)
-            out.append(dot(unit, turning if k >= 3 else [scale * v + c for v, c in moved], zero))
-        return out
+            whole = [*([ring.zero] * 3), *grown] if k >= 3 else [*grown, *cross(output, unit)]
+            yield in_room(self.kind, whole)
 
 
 _SYMBOL = re.compile(r"\b[qd](\d+)\b")
@@ -781,10 +790,6 @@ def leg_proofs(mechanism: Mechanism, seconds: float = 20.0) -> tuple[LegProof, .
     return tuple(out)
 
 
-Step = tuple[int, int]
-"""A joint, and 1 where it is passed outwards, -1 where towards the base."""
-
-
 class ClosureForms(_ExactTree):
     """Rows of Jacobians, seen from a body between the joints."""
 
@@ -805,75 +810,46 @@ class ClosureForms(_ExactTree):
         frames = self.mechanism.model.frames
         first, second = (path_to(self.mechanism, int(frames[k].parentJoint)) for k in (a, b))
         shared = sum(x == y for x, y in zip(first, second, strict=False))
-        round_ = [(j, -1) for j in reversed(first[shared:])] + [(j, 1) for j in second[shared:]]
+        steps = [(j, -1) for j in reversed(first[shared:])] + [(j, 1) for j in second[shared:]]
         if kind == "6d":
-            return self._whole(round_)
-        # The rows of a planar loop are along the axes of its first frame: it is the one that rests.
-        planar = kind == "planar" and self.kind != PLANE
-        rows = self._none()
-        back, on = _parted(round_, 0 if planar else len(round_) // 2)
-        for side, frame, steps in ((-1, a, back), (1, b, on)):
-            self._add(rows, side, np.array(self.zero.frames[frame].translation), steps, self.turn)
-        if planar:
-            axes = rational_turn(np.array(self.zero.frames[a].rotation))
-            unit = [[self.ring.one * rational(axes[i][k]) for i in range(3)] for k in range(2)]
-            return [
-                [dot(u, [row[j] for row in rows[:3]], self.ring.zero)
-                 for j in range(self.mechanism.n)]
-                for u in unit
-            ]  # fmt: skip
-        return rows[:2] if self.kind == PLANE else rows[:3]
+            return self._whole(steps)
+        one, two = (self.zero.frames[k] for k in (a, b))
+        places = np.array([one.translation, two.translation])
+        if kind == "planar" and self.kind != PLANE:
+            # In the axes of the first frame, which is the one that rests.
+            return self._motion(steps, 0, places, rational_turn(np.array(one.rotation.T)))[:2]
+        rows = self._motion(steps, len(steps) // 2, places, self.turn)
+        return rows[: 2 if self.kind == PLANE else 3]
 
     def output(self) -> list[Row]:
         """Rows of the output that count; where all do they may be those of another point."""
         task = self.mechanism.task.rows
-        path = [(j, 1) for j in path_to(self.mechanism, structure(self.mechanism).output)]
+        path = outwards(self.mechanism, structure(self.mechanism).output)
         if SIZE[self.kind] == len(task) == ranks(self.mechanism).output:
             return self._whole(path)
-        rows = self._none()
-        place = self.zero.frames[self.mechanism.output_id]
-        self._add(rows, 1, np.array(place.translation), path, rational_turn(np.eye(3)))
+        place = np.array(self.zero.frames[self.mechanism.output_id].translation)
+        rows = self._motion(path, 0, [place, place], _AS_IT_IS)
         return [rows[k] for k in task]
-
-    def _none(self) -> list[Row]:
-        return [[self.ring.zero] * self.mechanism.n for _ in range(6)]
 
     def _whole(self, steps: Sequence[Step]) -> list[Row]:
         """All of a motion between two bodies: that of a point of a body in the middle."""
-        rows = self._none()
         middle = len(steps) // 2
         at = self.zero.origins[steps[middle][0]]
-        for side, part in zip((-1, 1), _parted(steps, middle), strict=True):
-            self._add(rows, side, at, part, self.turn, rests=True)
+        rows = self._motion(steps, middle, [at, at], self.turn, rests=True)
         return rows if self.kind == SPHERE else in_room(self.kind, rows)
 
-    def _add(
-        self, rows: list[Row], side: int, at: Array, steps: Sequence[Step], turn: Turn,
+    def _motion(
+        self, steps: Sequence[Step], middle: int, places: Sequence[Array] | Array, turn: Turn,
         rests: bool = False,
-    ) -> None:  # fmt: skip
-        """Add what joints do to a point and to the turn of its body, by their columns."""
-        # The point is one of the last body, or of the first where it ``rests``.
-        if not steps:
-            return
-        joints = [j for j, _ in steps]
-        # A joint that is passed from its own body to the one before moves that the other way.
-        chain = self.chain(joints, turn, np.array([float(sign) for _, sign in steps]))
-        point = chain.fixed(at) if rests else chain.point(at)
-        scale = self.ring.one if rests else chain.scale
-        times = rational(Fraction(side))
-        for hinge in chain.hinges:
-            reach = [hinge.scale * b for b in point] if rests else point
-            grown = hinge.scale if rests else scale
-            for k, x in enumerate(chain.in_base(chain.velocity(hinge, reach, grown))):
-                rows[k][hinge.joint] += times * x
-            if not hinge.slides:
-                for k, x in enumerate(chain.in_base([scale * x for x in hinge.axis])):
-                    rows[3 + k][hinge.joint] += times * x
-
-
-def _parted(steps: Sequence[Step], middle: int) -> tuple[list[Step], list[Step]]:
-    """The ways from the middle of some steps back to their start, and on to their end."""
-    return [(j, -sign) for j, sign in reversed(steps[:middle])], list(steps[middle:])
+    ) -> list[Row]:  # fmt: skip
+        """Six rows of how the last of two places moves less the first, seen from between them."""
+        rows = [[self.ring.zero] * self.mechanism.n for _ in range(6)]
+        back = [(j, -sign) for j, sign in reversed(steps[:middle])]
+        for side, way, at in zip((-1, 1), (back, steps[middle:]), places, strict=True):
+            for joint, column in self.columns(way, at, turn, rests) if way else ():
+                for k, x in enumerate(column):
+                    rows[k][joint] += side * x
+        return rows
 
 
 @kept
