@@ -204,12 +204,16 @@ class Rods:
         there = np.zeros(3) if self.kind == SPHERE else pose.translation
         return pin.SE3(self.axes @ pose.rotation @ self.own, self.axes @ there)
 
+    def flattened(self, vectors: Array) -> Array:
+        """Vectors (..., 3) without what in a plane is across it."""
+        return np.asarray(vectors * [1, 1, 0]) if self.planar else vectors
+
     def length(self, rod: Rod) -> float:
         """Distance of C and B at home, metres; in the plane if that is level."""
         q = home(self.mechanism)
         pose = self.placed(output_pose(self.mechanism, q))
         away = pose.act(rod.outer) - rod.foot(float(q[rod.joint]))
-        return float(np.linalg.norm(away[: 2 if self.planar else 3]))
+        return float(np.linalg.norm(self.flattened(away)))
 
 
 def written(axis: Array) -> str:

@@ -32,7 +32,7 @@ from pinsing.loops.closure import (
     ranks,
 )
 from pinsing.loops.joint_loci import joint_forms
-from pinsing.loops.legs import Rods, rods
+from pinsing.loops.legs import rods
 from pinsing.loops.motion import (
     COORDINATES,
     Pose,
@@ -339,19 +339,18 @@ def cannot_close(mechanism: Mechanism, inputs: Array) -> Bool:
     values = dict(zip(mechanism.actuated, inputs.T, strict=True))
     # Driven at the foot or at the elbow C B has another length, that is not among the inputs.
     lengths = ((rod, rod.distance(values[rod.joint], found.length(rod))) for rod in found.rods)
-    known = [(rod, rod.foot(values[rod.joint]), x) for rod, x in lengths if x is not None]
-    for (one, C, length), (two, D, other) in itertools.combinations(known, 2):
-        between = np.full(len(inputs), _norm(found, one.outer - two.outer))
-        sides = np.stack([_norm(found, C - D), between, length, other])
+    known = [
+        (found.flattened(rod.foot(values[rod.joint])), found.flattened(rod.outer), x)
+        for rod, x in lengths
+        if x is not None
+    ]
+    for (C, B, length), (D, E, other) in itertools.combinations(known, 2):
+        between = np.full(len(inputs), np.linalg.norm(B - E))
+        sides = np.stack([np.linalg.norm(C - D, axis=-1), between, length, other])
         longest = sides.max(axis=0)
         # What is too long by less than this may be rounding.
         out |= 2 * longest - sides.sum(axis=0) > 1e-9 * longest
     return out
-
-
-def _norm(found: Rods, away: Array) -> Array:
-    """Distances, in the plane those that are level."""
-    return np.asarray(np.linalg.norm(away[..., :2] if found.planar else away, axis=-1))
 
 
 TRIES = 4

@@ -28,7 +28,7 @@ import numpy as np
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.jacobian_matrix import determinant
-from pinsing.algebra.ring import Poly, coefficients_by, divided_by, make_ring, rational
+from pinsing.algebra.ring import Poly, coefficients_by, divided_by, make_ring
 from pinsing.loops.closure import (
     PLANE,
     SPACE,
@@ -78,7 +78,7 @@ from pinsing.robot.mechanism import Mechanism
 
 
 class PoseRing:
-    """The ring of one mechanism, and the lines of its rods.
+    """The ring of one mechanism, and its ``legs``: the rods over it.
 
     ``level``: the output keeps the orientation of the base axes, its rotation is left out;
     ``unit``: the quaternion is of length 1, N = 1, and nothing is homogeneous; ``quarter``: links
@@ -90,20 +90,19 @@ class PoseRing:
         self, rods: Rods, level: bool = False, unit: bool = False, quarter: bool = False
     ) -> None:
         self.rods, self.level, self.unit, self.quarter = rods, level, unit, quarter
-        none = np.zeros(3)
+        joints, none = rods.mechanism.joints, np.zeros(3)
         # Of a level output B as seen from C: parallel rods are exactly so.
-        self.exact = exact_points([
-            point
-            for r in rods.rods
-            for point in (r.outer - r.inner if level else r.outer, r.inner, r.first, r.second,
-                          none if r.hinge is None else r.hinge, r.across)
-        ])  # fmt: skip
+        vectors: list[Array] = []
+        for r in rods.rods:
+            points = [r.outer - r.inner if level else r.outer, r.inner, r.first, r.second]
+            vectors += [*rods.flattened(np.array(points))]
+            vectors += [none if r.hinge is None else r.hinge, r.across]
+        self.exact = exact_points(vectors)
         self.square = self.exact.square  # y, e1 and e3 are in units of its root
         # Inputs that occur, since they move the inner ends of rods.
         self.drivers = tuple(dict.fromkeys(r.joint for r in rods.rods if r.moved))
         position = {SPACE: ("x", "y", "z"), PLANE: ("x", "y"), SPHERE: ()}[rods.kind]
         turn = () if level else ("e0", "e3") if rods.planar else TURNS
-        joints = rods.mechanism.joints
         inputs = [] if quarter else [n for r in rods.rods for n in r.variables(joints[r.joint])]
         self.names: tuple[str, ...] = (*position, *turn, *dict.fromkeys(inputs))
         self.odd = tuple(k for k, n in enumerate(self.names) if n in ("y", "e1", "e3"))
@@ -112,113 +111,18 @@ class PoseRing:
         e = [self.number(v) for v in (1, 0, 0, 0)] if level else [*map(self.variable, TURNS)]
         self.R, N = quaternion_turn(e, self.square)  # rotation matrix times N
         self.N = self.number(1) if unit else N
+        exact = iter(self.exact.vectors)
+        self.legs = [ExactRod(self, rod, *itertools.islice(exact, 6)) for rod in rods.rods]
 
     def variable(self, name: str) -> Poly:
         """A variable; zero for one that this ring leaves out."""
         gens = self.ring.context.gens()
         return gens[self.names.index(name)] if name in self.names else self.number(0)
 
-    def _vectors(self, rod: Rod) -> list[Vector]:
-        # Rods are told apart as objects: two may be alike.
-        first = 6 * self.rods.rods.index(rod)
-        outer, inner, *others = self.exact.vectors[first : first + 6]
-        if self.level:
-            (x, y, z), (u, v, w) = outer, inner
-            outer = x + u, y + v, z + w
-        return [outer, inner, *others]
-
-    def outer(self, rod: Rod) -> Row:
-        """B times N."""
-        turned = (dot(row, map(rational, self._vectors(rod)[0]), self.number(0)) for row in self.R)
-        return [self.N * self.variable(n) + x for n, x in zip("xyz", turned, strict=True)]
-
-    def inner(self, rod: Rod) -> Row:
-        """C."""
-        _, start, first, second, *_ = self._vectors(rod)
-        if self.quarter:
-            return self.product(self.axis(rod), self.outer(rod))
-        c, s = self.driver(rod)
-        return [
-            self.number(start[i]) + c * rational(first[i]) + s * rational(second[i])
-            for i in range(3)
-        ]
-
-    def driver(self, rod: Rod) -> tuple[Poly, Poly]:
-        """Cosine and sine of the crank before C; the slide's value, and 0."""
-        names = rod.variables(self.rods.mechanism.joints[rod.joint])
-        c, s, *_ = (*(self.variable(n) for n in names), self.number(0), self.number(0))
-        return c, s
-
-    def direction(self, rod: Rod) -> Row:
-        """B - C times N."""
-        return [b - self.N * c for b, c in zip(self.outer(rod), self.inner(rod), strict=True)]
-
-    def line(self, rod: Rod) -> Row:
-        """Plücker coordinates of the line C B about the origin; three numbers in the plane."""
-        if rod.side:
-            return self.wrench(self.force(rod), self.outer(rod))
-        m = cross(self.inner(rod), self.outer(rod))
-        return in_room(self.rods.kind, [*self.direction(rod), *m])
-
-    def force(self, rod: Rod) -> Row:
-        """Direction of the force; of one across C B times the root."""
-        d = self.direction(rod)
-        if not rod.side:
-            return d
-        f = self.product(self.axis(rod), d)
-        return f if rod.side == 1 else self.product(f, d)
-
     def product(self, a: Row, b: Row) -> Row:
         """Vector product times the root, with y in units of it."""
         x, y, z = cross(a, b)
         return [self.square * x, y, self.square * z]
-
-    def wrench(self, force: Row, at: Row) -> Row:
-        """A force through a point that is given times N; three numbers in the plane."""
-        return in_room(self.rods.kind, [*(self.N * v for v in force), *cross(at, force)])
-
-    def hinge(self, rod: Rod) -> Row:
-        """Direction of the hinge at C."""
-        return [self.number(v) for v in self._vectors(rod)[4]]
-
-    def axis(self, rod: Rod) -> Row:
-        """Direction of the first joint of a foot, of a crank on the sphere."""
-        return [self.number(v) for v in self._vectors(rod)[5]]
-
-    def motion(self, rod: Rod) -> Row:
-        """Velocity of C by the actuator."""
-        _, _, first, second, *_ = self._vectors(rod)
-        if self.rods.mechanism.prismatic[rod.joint]:
-            return [self.number(v) for v in first]
-        c, s = self.driver(rod)
-        return [c * rational(second[i]) - s * rational(first[i]) for i in range(3)]
-
-    def length(self, rod: Rod, length: Fraction) -> Poly:
-        """What is zero where C and B are at their distance, N times (B - C)^2 - length^2."""
-        b, start, first, *_ = self._vectors(rod)
-        k = self.square
-        away = [self.variable(n) - rational(v) for n, v in zip("xyz", start, strict=True)]
-        moved = [c - rational(v) for c, v in zip(self.inner(rod), start, strict=True)]
-        turned = [dot(row, map(rational, b), self.number(0)) for row in self.R]
-        if self.rods.planar:
-            away[2] = moved[2] = turned[2] = self.number(0)
-            b, first = (b[0], b[1], Fraction(0)), (first[0], first[1], Fraction(0))
-        own = b[0] ** 2 + k * b[1] ** 2 + b[2] ** 2 - length**2
-        arm = rational(first[0] ** 2 + k * first[1] ** 2 + first[2] ** 2)
-        if self.rods.mechanism.prismatic[rod.joint]:
-            arm = arm * self.variable(self.rods.mechanism.joints[rod.joint]) ** 2
-        fixed = self.dot(away, away) + rational(own) + arm - 2 * self.dot(away, moved)
-        return self.N * fixed + 2 * self.dot(
-            [x - y for x, y in zip(away, moved, strict=True)], turned
-        )
-
-    def moment_arm(self, rod: Rod) -> Poly:
-        """Force along C B in the direction in which the actuator moves C."""
-        # Of a crank (cos first + sin second) is across the motion of C: from its middle will do.
-        slides = self.rods.mechanism.prismatic[rod.joint]
-        C = self.inner(rod) if slides else [self.number(v) for v in self._vectors(rod)[1]]
-        away = [b - self.N * c for b, c in zip(self.outer(rod), C, strict=True)]
-        return self.dot(away, self.motion(rod))
 
     def dot(self, a: Row, b: Row) -> Poly:
         """Scalar product of vectors with y in units of the root."""
@@ -231,10 +135,8 @@ class PoseRing:
     def lines(self) -> list[Row]:
         """All wrenches: of each rod, and of its hinge."""
         out = []
-        for rod in self.rods.rods:
-            out.append(self.line(rod))
-            if rod.hinge is not None:
-                out.append(self.wrench(self.hinge(rod), self.outer(rod)))
+        for leg in self.legs:
+            out += [leg.line] if leg.rod.hinge is None else [leg.line, leg.wrench(leg.hinge)]
         return out
 
     def determinant(self, rows: list[Row], roots: Sequence[int] = ()) -> PoseEquation:
@@ -255,17 +157,85 @@ class PoseRing:
         return pose_equation(poly, self.names, self.odd, self.square)
 
 
+class ExactRod:
+    """A rod and what it passes, in polynomials: B, C, and the vectors of `Rod`.
+
+    Times N are ``outer`` (B), ``turned`` (B as seen from the output's origin), ``direction``
+    (B - C) and the ``force``, of one across C B times the root as well; ``inner`` is C, ``motion``
+    its velocity by the actuator.
+    """
+
+    def __init__(self, ring: PoseRing, rod: Rod, *vectors: Vector) -> None:
+        self.ring, self.rod, joints = ring, rod, ring.rods.mechanism.joints
+        self.slides = bool(ring.rods.mechanism.prismatic[rod.joint])
+        self.own, self.middle, self.first, second, self.hinge, self.axis = (
+            [ring.number(x) for x in v] for v in vectors
+        )
+        if ring.level:
+            self.own = _sum(self.own, self.middle)
+        self.turned = [dot(row, self.own, ring.number(0)) for row in ring.R]
+        self.outer = _sum([ring.N * ring.variable(n) for n in "xyz"], self.turned)
+        # Cosine and sine of the crank before C; the slide's value, and 0.
+        names = (*rod.variables(joints[rod.joint]), "", "")
+        c, s = (ring.variable(n) for n in names[:2])
+        self.moved = [c * a + s * b for a, b in zip(self.first, second, strict=True)]
+        self.inner = _sum(self.middle, self.moved)
+        if ring.quarter:
+            self.inner = ring.product(self.axis, self.outer)
+        self.motion = self.first if self.slides else [
+            c * b - s * a for a, b in zip(self.first, second, strict=True)
+        ]  # fmt: skip
+        self.force = self.direction = _sum(self.outer, self.inner, -ring.N)
+        if rod.side:
+            self.force = ring.product(self.axis, self.direction)
+        if rod.side == 2:
+            self.force = ring.product(self.force, self.direction)
+
+    def wrench(self, force: Row) -> Row:
+        """A force through B; three numbers in the plane."""
+        whole = [*(self.ring.N * x for x in force), *cross(self.outer, force)]
+        return in_room(self.ring.rods.kind, whole)
+
+    @property
+    def line(self) -> Row:
+        """Plücker coordinates of the force about the origin; three numbers in the plane."""
+        if self.rod.side:
+            return self.wrench(self.force)
+        return in_room(self.ring.rods.kind, [*self.direction, *cross(self.inner, self.outer)])
+
+    @property
+    def arm(self) -> Poly:
+        """Force along C B in the direction in which the actuator moves C."""
+        # Of a crank (cos first + sin second) is across the motion of C: from its middle will do.
+        C = self.inner if self.slides else self.middle
+        return self.ring.dot(_sum(self.outer, C, -self.ring.N), self.motion)
+
+    def length(self, length: Fraction) -> Poly:
+        """What is zero where C and B are at their distance, N times (B - C)^2 - length^2."""
+        ring, joint = self.ring, self.ring.rods.mechanism.joints[self.rod.joint]
+        away = _sum([ring.variable(n) for n in "xyz"], self.middle, -1)
+        arm = ring.dot(self.first, self.first)
+        if self.slides:
+            arm = arm * ring.variable(joint) ** 2
+        fixed = ring.dot(away, away) + ring.dot(self.own, self.own) + arm - ring.number(length**2)
+        fixed -= 2 * ring.dot(away, self.moved)
+        return ring.N * fixed + 2 * ring.dot(_sum(away, self.moved, -1), self.turned)
+
+    def about_output(self, force: Row) -> Row:
+        """A force through B, times N, and its moment about the output, without task rows."""
+        whole = [*(self.ring.N * x for x in force), *cross(self.turned, force)]
+        return [x for k, x in enumerate(whole) if k not in self.ring.rods.mechanism.task.rows]
+
+
+def _sum(a: Row, b: Row, times: Any = 1) -> Row:
+    """A vector, and another one so many times."""
+    return [x + times * y for x, y in zip(a, b, strict=True)]
+
+
 def counts_hinges(ring: PoseRing) -> bool:
     """Whether forces along hinges and rows of the output are six together."""
     hinges = sum(rod.hinge is not None for rod in ring.rods.rods)
     return hinges > 0 and hinges + len(ring.rods.mechanism.task.rows) == 6
-
-
-def about_output(ring: PoseRing, rod: Rod, force: Row) -> Row:
-    """Return a force through B, times N, and its moment about the output, without task rows."""
-    arm = [b - ring.N * ring.variable(n) for b, n in zip(ring.outer(rod), "xyz", strict=True)]
-    whole = [*(ring.N * x for x in force), *cross(arm, force)]
-    return [x for k, x in enumerate(whole) if k not in ring.rods.mechanism.task.rows]
 
 
 def every_position(ring: PoseRing, poly: Any) -> Iterator[PoseFamily]:
@@ -603,7 +573,7 @@ def _sphere_forms(mechanism: Mechanism, found: Rods) -> PoseForms:
 
 def _moments(ring: PoseRing) -> tuple[Poly, list[Poly]]:
     """Zero where the moments of legs on the sphere lie in a plane; and where none works by each."""
-    ones = [ring.dot(ring.axis(rod), ring.line(rod)) for rod in ring.rods.rods]
+    ones = [ring.dot(leg.axis, leg.line) for leg in ring.legs]
     return ring.without_norm(ring.multiplied_out(ring.lines())), [*map(ring.without_norm, ones)]
 
 
@@ -653,7 +623,7 @@ def _point_forms(mechanism: Mechanism) -> PoseForms | None:
     if found is None or planar_dyad(mechanism) is not None:
         return None
     ring = PoseRing(found, level=True)
-    (a, b, _), (c, d, _) = (ring.direction(rod) for rod in found.rods)
+    (a, b, _), (c, d, _) = (leg.direction for leg in ring.legs)
     both = _factors("type 2", "both rods are in line", a * d - b * c)
     loci = [*_loci(ring, both), *_type1(ring)]
     both_in = with_inputs("position", "loop", "a")
@@ -749,11 +719,11 @@ def _turning_forms(mechanism: Mechanism, found: Rods) -> PoseForms:
 def _closing(ring: PoseRing) -> tuple[PoseEquation, ...]:
     """Lengths of rods that are no actuators, and planes of hinges, by pose and inputs."""
     out = []
-    for rod in ring.rods.rods:
-        if rod.moved:
-            out.append(ring.length(rod, short_fraction(ring.rods.length(rod))))
-        if rod.hinge is not None and ring.unit:
-            out.append(ring.dot(ring.direction(rod), ring.hinge(rod)))
+    for leg in ring.legs:
+        if leg.rod.moved:
+            out.append(leg.length(short_fraction(ring.rods.length(leg.rod))))
+        if leg.rod.hinge is not None and ring.unit:
+            out.append(ring.dot(leg.direction, leg.hinge))
     return tuple(ring.equation(x) for x in out)
 
 
@@ -774,10 +744,10 @@ def _turning_type1(ring: PoseRing) -> list[PoseLocus] | None:
     mechanism = ring.rods.mechanism
     task, inputs = mechanism.task.rows, list(mechanism.actuated)
     zero, rows, felt = ring.number(0), [], []
-    for rod, force, feels in _wrenches(ring):
-        felt.append(rod.joint)
-        moments = [feels if j == rod.joint else zero for j in inputs]
-        rows.append([*about_output(ring, rod, force), *moments])
+    for leg, force, feels in _wrenches(ring):
+        felt.append(leg.rod.joint)
+        moments = [feels if j == leg.rod.joint else zero for j in inputs]
+        rows.append([*leg.about_output(force), *moments])
     if len(task) == 6 and sorted(felt) == sorted(inputs):
         return _type1(ring)
     if len(inputs) != len(task) or len(rows) != 6:
@@ -790,16 +760,14 @@ def _turning_type1(ring: PoseRing) -> list[PoseLocus] | None:
     return [PoseLocus("type 1", words, found, has_real_points(found))]
 
 
-def _wrenches(ring: PoseRing) -> Iterator[tuple[Rod, Row, Poly]]:
+def _wrenches(ring: PoseRing) -> Iterator[tuple[ExactRod, Row, Poly]]:
     """Yield each force, through the outer end of its rod, and what its actuated joint feels."""
     # Of forces across a rod up to a factor that is zero only where the force is.
-    for rod in ring.rods.rods:
-        force = ring.force(rod)
-        yield rod, force, ring.moment_arm(rod) if rod.moved else ring.dot(force, force)
-        if rod.hinge is not None:
-            axis = ring.hinge(rod)
-            slides = rod.moved and ring.rods.mechanism.prismatic[rod.joint]
-            yield rod, axis, ring.dot(axis, ring.motion(rod)) if slides else ring.number(0)
+    for leg in ring.legs:
+        yield leg, leg.force, leg.arm if leg.rod.moved else ring.dot(leg.force, leg.force)
+        if leg.rod.hinge is not None:
+            slides = leg.rod.moved and leg.slides
+            yield leg, leg.hinge, ring.dot(leg.hinge, leg.motion) if slides else ring.number(0)
 
 
 def _upright(found: Rods) -> bool:
@@ -825,14 +793,13 @@ def _split(ring: PoseRing, together: Any) -> Iterator[Part]:
 
 def _parallelograms(ring: PoseRing) -> list[tuple[str, str, Any]]:
     """With the output level and two rods a crank: determinants of directions and of normals."""
-    mine = [[r for r in ring.rods.rods if r.joint == joint] for joint in ring.drivers]
+    mine = [[leg for leg in ring.legs if leg.rod.joint == joint] for joint in ring.drivers]
     if not ring.level or [len(pair) for pair in mine] != [2, 2, 2]:
         return []
-    directions, others = ([ring.direction(pair[k]) for pair in mine] for k in (0, 1))
+    directions, others = ([pair[k].direction for pair in mine] for k in (0, 1))
     if not all(d == e for d, e in zip(directions, others, strict=True)):
         return []
-    ends = ((ring.outer(one), ring.outer(two)) for one, two in mine)
-    apart = ([b - a for a, b in zip(B1, B2, strict=True)] for B1, B2 in ends)
+    apart = (_sum(two.outer, one.outer, -1) for one, two in mine)
     normals = [cross(gap, d) for gap, d in zip(apart, directions, strict=True)]
     plane = "the rods are parallel to a plane, or two pairs of them to each other"
     turns = "the normals of the three parallelograms are parallel to a plane: the output can turn"
@@ -846,19 +813,19 @@ def _type1(ring: PoseRing) -> list[PoseLocus]:
     """Where a motion that the hinges allow, or a leg's own, leaves the output at rest."""
     parts: list[Part] = []
     if counts_hinges(ring):
-        legs = [rod for rod in ring.rods.rods if rod.hinge is not None]
-        value = ring.multiplied_out([about_output(ring, rod, ring.hinge(rod)) for rod in legs])
+        legs = [leg for leg in ring.legs if leg.rod.hinge is not None]
+        value = ring.multiplied_out([leg.about_output(leg.hinge) for leg in legs])
         if value != 0:  # the output shows each of the freedoms
             words = "a motion that the hinges allow leaves the rows of the output at rest"
             parts += _factors("type 1", words, ring.without_norm(value))
-    for k, rod in enumerate(ring.rods.rods, 1):
-        name = ring.rods.mechanism.joints[rod.joint]
-        for words, reach in rod.type1(k, name, ring.rods.planar, ring.level):
+    for k, leg in enumerate(ring.legs, 1):
+        name = ring.rods.mechanism.joints[leg.rod.joint]
+        for words, reach in leg.rod.type1(k, name, ring.rods.planar, ring.level):
             if reach is None:
-                parts += _factors("type 1", words, ring.without_norm(ring.moment_arm(rod)))
+                parts += _factors("type 1", words, ring.without_norm(leg.arm))
             else:
                 # A circle, or its centre: real points, whatever its signs.
-                parts.append(("type 1", words, ring.length(rod, short_fraction(reach)), True))
+                parts.append(("type 1", words, leg.length(short_fraction(reach)), True))
     return _loci(ring, parts)
 
 
