@@ -45,6 +45,7 @@ from pinsing.robot.mechanism import (
     meeting_point,
     path_to,
 )
+from pinsing.robot.models import axis_rotation
 
 
 @dataclass(frozen=True)
@@ -334,7 +335,8 @@ def room_of(mechanism: Mechanism) -> tuple[str, Array, Array]:
 class Placed:
     """Placements of N configurations, metres."""
 
-    rotation: Array  # (n + 1, N, 3, 3): of each joint's frame; entry 0 is the base
+    # (n + 1, N, 3, 3): of each joint's frame, turned so that z is the axis; entry 0 is the base
+    rotation: Array
     position: Array  # (n + 1, N, 3): of its origin
     axis: Array  # (n, N, 3): axes of the joints
     # (n + 1, N, 3): a point of each joint's axis: ``position``, but for what is turned about
@@ -348,23 +350,14 @@ class BatchLoops:
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
         model = mechanism.model
-        self._parents = [int(parent) for parent in list(model.parents)[1:]]
-        self._own = joint_axes(mechanism)
-        # None for no turn, and for no shift: most have one of them at most.
-        self._place = [
-            (
-                None if np.array_equal(m.rotation, np.eye(3)) else np.array(m.rotation),
-                None if not np.any(m.translation) else np.array(m.translation),
-            )
-            for m in model.jointPlacements[1:]
-        ]
+        # Bodies are turned so that the axes of all joints are their z axes.
+        self.own = [np.eye(3), *map(axis_rotation, joint_axes(mechanism))]
+        places = zip(model.parents[1:], model.jointPlacements[1:], self.own[1:], strict=True)
+        self._steps = [self._fixed(int(k), place, turned) for k, place, turned in places]
         self._above = np.zeros((mechanism.n + 1, mechanism.n), dtype=bool)
         for body in range(1, mechanism.n + 1):
             self._above[body, path_to(mechanism, body)] = True
-        fixed = [
-            (int(f.parentJoint), np.array(f.placement.rotation), np.array(f.placement.translation))
-            for f in model.frames
-        ]
+        fixed = [self._fixed(int(f.parentJoint), f.placement, np.eye(3)) for f in model.frames]
         self._loops = [
             (fixed[a], fixed[b], x.kind, x.rows)
             for x, a, b in zip(mechanism.loops, *closing(mechanism), strict=True)
@@ -373,29 +366,38 @@ class BatchLoops:
         self._scale = mechanism.length_scale
         self.units = mechanism.space.metric
 
+    def _fixed(self, body: int, place: pin.SE3, turned: Array) -> tuple[int, Array]:
+        """A body, and where something is on it (3, 4): axes that are turned, and the origin."""
+        at = np.column_stack([place.rotation @ turned, place.translation])
+        return body, np.asarray(self.own[body].T @ at)
+
     def place(self, Q: Array) -> Placed:
         """Placements of all joints at Q (N, n)."""
         count, n = Q.shape
-        R = np.empty((n + 1, count, 3, 3))
-        p = np.empty((n + 1, count, 3))
-        axis = np.empty((n, count, 3))
+        R, p, axis = (
+            np.empty((n + 1, count, 3, 3)),
+            np.empty((n + 1, count, 3)),
+            np.empty((n, count, 3)),
+        )
+        placed = Placed(R, p, axis, p)
         R[0], p[0] = np.eye(3), 0.0
-        for j, parent in enumerate(self._parents):
-            turned, moved = self._place[j]
-            up = R[parent] if turned is None else R[parent] @ turned
-            p[j + 1] = p[parent] if moved is None else p[parent] + R[parent] @ moved
-            axis[j] = _along(up, self._own[j])
+        c, s = np.cos(Q.T)[..., None], np.sin(Q.T)[..., None]
+        for j, step in enumerate(self._steps):
+            up, p[j + 1] = self._frame(placed, step)
+            R[j + 1], axis[j] = up, up[..., 2]
             if self.mechanism.prismatic[j]:
-                R[j + 1] = up
                 p[j + 1] += Q[:, j, None] * axis[j]
             else:
-                _turn(up, self._own[j], Q[:, j], R[j + 1])
-        return Placed(R, p, axis, p)
+                R[j + 1, ..., 0] = c[j] * up[..., 0] + s[j] * up[..., 1]
+                R[j + 1, ..., 1] = c[j] * up[..., 1] - s[j] * up[..., 0]
+        return placed
 
-    def _frame(self, placed: Placed, which: tuple[int, Array, Array]) -> tuple[Array, Array]:
-        body, turned, moved = which
-        R = placed.rotation[body]
-        return R @ turned, placed.position[body] + R @ moved
+    def _frame(self, placed: Placed, which: tuple[int, Array]) -> tuple[Array, Array]:
+        """Rotation (N, 3, 3) and origin (N, 3) of what is fixed to a body."""
+        body, at = which
+        # One product of matrices: of many small ones it takes many times as long.
+        whole = (placed.rotation[body].reshape(-1, 3) @ at).reshape(-1, 3, 4)
+        return whole[..., :3], placed.position[body] + whole[..., 3]
 
     def _velocity(self, placed: Placed, body: int, point: Array) -> tuple[Array, Array]:
         """Velocity of a point (N, 3) of a body, and its turning, per joint: (N, 3, n) each."""
@@ -459,31 +461,6 @@ class BatchLoops:
         else:
             turn = rotation_vectors(away)
         return np.concatenate([(p - position) / self._scale, turn], axis=1), J
-
-
-def _along(up: Array, own: Array) -> Array:
-    """Directions (N, 3) of an axis ``own`` (3,) of frames with rotations up (N, 3, 3)."""
-    main = np.flatnonzero(own)
-    if len(main) == 1:
-        return np.asarray(up[:, :, main[0]] * own[main[0]])
-    return np.asarray(up @ own)
-
-
-def _turn(up: Array, own: Array, angle: Array, out: Array) -> None:
-    """Rotations up (N, 3, 3) followed by turns about an axis ``own`` (3,) of theirs, into out."""
-    s, c = np.sin(angle), np.cos(angle)
-    main = np.flatnonzero(own)
-    if len(main) == 1 and abs(own[main[0]]) == 1:
-        # About one of their own axes only the two other columns change.
-        k = int(main[0])
-        i, j = (k + 1) % 3, (k + 2) % 3
-        s = s * own[k]
-        out[:, :, k] = up[:, :, k]
-        out[:, :, i] = c[:, None] * up[:, :, i] + s[:, None] * up[:, :, j]
-        out[:, :, j] = c[:, None] * up[:, :, j] - s[:, None] * up[:, :, i]
-        return
-    K = np.array([[0, -own[2], own[1]], [own[2], 0, -own[0]], [-own[1], own[0], 0]])
-    out[:] = up @ (np.eye(3) + s[:, None, None] * K + (1 - c)[:, None, None] * (K @ K))
 
 
 def newton(
@@ -579,7 +556,7 @@ def ball_jacobians(loops: BatchLoops, Q: Array) -> tuple[Array, Array]:
     axis, pivot = placed.axis.copy(), placed.position.copy()
     for ball in hinged_balls(mechanism):
         first = ball.joints[0] + 1
-        at = placed.position[first] + placed.rotation[first] @ ball.point
+        at = placed.position[first] + placed.rotation[first] @ (loops.own[first].T @ ball.point)
         for joint, along in zip(ball.joints, np.eye(3), strict=True):
             axis[joint], pivot[joint + 1] = along, at
     whole = replace(placed, axis=axis, pivot=pivot)
