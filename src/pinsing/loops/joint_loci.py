@@ -84,6 +84,7 @@ from pinsing.loops.solve import SingularPoint, refine_point
 from pinsing.measures import NOISE, ROUNDING, Array, ArrayLike
 from pinsing.robot.arm import kept
 from pinsing.robot.mechanism import Mechanism, closing, path_to
+from pinsing.robot.models import way_between
 
 if TYPE_CHECKING:
     from pinsing.families import ClosedForm
@@ -807,10 +808,9 @@ class ClosureForms(_ExactTree):
 
     def loop(self, kind: str, a: int, b: int) -> list[Row]:
         """One loop's rows, seen from the middle of the joints that it goes through."""
-        frames = self.mechanism.model.frames
-        first, second = (path_to(self.mechanism, int(frames[k].parentJoint)) for k in (a, b))
-        shared = sum(x == y for x, y in zip(first, second, strict=False))
-        steps = [(j, -1) for j in reversed(first[shared:])] + [(j, 1) for j in second[shared:]]
+        model = self.mechanism.model
+        way = way_between(model, *(int(model.frames[k].parentJoint) for k in (a, b)))
+        steps = [*((j - 1, -1) for j in way.up), *((j - 1, 1) for j in way.down)]
         if kind == "6d":
             return self._whole(steps)
         one, two = (self.zero.frames[k] for k in (a, b))

@@ -46,7 +46,7 @@ from pinsing.robot.arm import (
     require_scale,
     require_values,
 )
-from pinsing.robot.models import frame_index, joint_axis
+from pinsing.robot.models import add_joint, chain_limits, frame_index, joint_axis
 from pinsing.robot.task import ROW_NAMES, Task, parse_task
 
 LOOP_KINDS = {"planar": 2, "3d": 3, "6d": 6}
@@ -570,14 +570,7 @@ def _rebuilt(model: pin.Model, wanted: dict[str, str]) -> pin.Model:
         parent, at = where[int(model.parents[k])]
         place = at * model.jointPlacements[k]
         if name not in wanted:
-            low, high = (
-                np.array(x[joint.idx_q : joint.idx_q + joint.nq])
-                for x in (model.lowerPositionLimit, model.upperPositionLimit)
-            )
-            speed = np.array(model.velocityLimit[joint.idx_v : joint.idx_v + joint.nv])
-            effort = np.array(model.effortLimit[joint.idx_v : joint.idx_v + joint.nv])
-            index = out.addJoint(parent, joint, place, name, effort, speed, low, high)
-            where.append((index, pin.SE3.Identity()))
+            where.append((add_joint(out, parent, joint, place, model, k), pin.SE3.Identity()))
             continue
         for axis in wanted[name]:
             turn = getattr(pin, f"JointModelRUB{axis}")()
@@ -750,24 +743,13 @@ def _tree(
 
 
 def _limits(model: pin.Model) -> tuple[Array, Array, Bool]:
-    lower, upper, prismatic = [], [], []
-    for index in range(1, model.njoints):
-        joint, name = model.joints[index], model.names[index]
+    for joint, name in zip(list(model.joints)[1:], tuple(model.names)[1:], strict=True):
         JointError.refuse_if(
             joint.nv != 1,
             name,
             f"is a {joint.shortname()}: joints of a mechanism must be revolute or prismatic",
         )
-        _, slides = joint_axis(joint, name)
-        low, high = -np.inf, np.inf
-        if joint.nq == 1:
-            low = float(model.lowerPositionLimit[joint.idx_q])
-            high = float(model.upperPositionLimit[joint.idx_q])
-        # Pinocchio writes the largest double for "no limit".
-        lower.append(low if abs(low) < 1e300 else -np.inf)
-        upper.append(high if abs(high) < 1e300 else np.inf)
-        prismatic.append(slides)
-    return np.array(lower), np.array(upper), np.array(prismatic, dtype=bool)
+    return chain_limits(model)[:3]
 
 
 def _one_of(
