@@ -215,7 +215,7 @@ def test_a_map_over_the_inputs_is_of_the_output_and_not_of_the_pin(tmp_path):
     mechanism = _upright_arm(tmp_path)
     dyad = planar_dyad(mechanism)
     ax = input_map(mechanism, "+", samples=181, degrees=False)
-    map_legend(ax, mechanism)
+    map_legend(ax)
     said = [t.get_text() for t in ax.get_legend().get_texts()]
     assert "type 1: the output loses a direction" in said
     assert not any("leg" in text for text in said)

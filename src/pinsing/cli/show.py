@@ -135,7 +135,7 @@ def _figure(
         figure, axes = plt.subplots(1, 2, figsize=(11, 6.2))
         for ax, sign in zip(axes, "+-", strict=True):
             draw.input_map(mechanism, sign, ax, degrees=degrees)
-            draw.map_legend(ax, mechanism)
+            draw.map_legend(ax)
     elif kind == "curves":
         count = len(mechanism.inputs)
         figure, grid = plt.subplots(1, count, figsize=(5.2 * count, 4), squeeze=False)

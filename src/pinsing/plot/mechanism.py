@@ -15,8 +15,6 @@ from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
 from pinsing.errors import OptionError
@@ -53,7 +51,7 @@ from pinsing.loops.solve import (
     working_modes,
 )
 from pinsing.measures import ALIKE, ROUNDING, Array, ArrayLike, Bool, NDArray
-from pinsing.plot.style import DASHES, pi_ticks, plain, unit
+from pinsing.plot.style import DASHES, legend_of_all, pi_ticks, plain, unit
 from pinsing.postures.joint_map import connected
 from pinsing.prose import unbroken
 from pinsing.robot.mechanism import Mechanism, Sample, closing
@@ -87,15 +85,19 @@ def input_map(
     closed = np.asarray(np.isfinite(q).all(axis=-1))
     d = np.degrees if degrees else np.asarray
     ax.contourf(d(x), d(y), closed.astype(float), levels=[0.5, 1.5], colors=[_FEASIBLE])
+    ax.fill([], [], color=_FEASIBLE, label="loops close")
     distance, (one, two) = abs(np.subtract(*dyad.ends(grid))), dyad.rods
     for reach, style in ((one + two, "-"), (abs(one - two), "--")):
         if reach > 0:
-            zero_line(ax, d(x), d(y), distance - reach, TYPE_2, style)
+            said = "type 2: B1, P, B2 in line"
+            zero_line(ax, d(x), d(y), distance - reach, TYPE_2, style, said)
     for kind, inputs in _isolated(mechanism, dyad):
-        color = TYPE_2 if kind == "type 2" else TYPE_1
-        ax.plot(*d(inputs), "o", color=color, ms=5, mfc="white", zorder=4)
-    for value, style in _type_1(mechanism, dyad, q, closed):
-        zero_line(ax, d(x), d(y), value, TYPE_1, style)
+        two = kind == "type 2"
+        label = once(ax, "type 2: B1 = B2") if two else None
+        color = TYPE_2 if two else TYPE_1
+        ax.plot(*d(inputs), "o", color=color, ms=5, mfc="white", zorder=4, label=label)
+    for value, style, said in _type_1(mechanism, dyad, q, closed):
+        zero_line(ax, d(x), d(y), value, TYPE_1, style, said)
     for axis, name in zip((ax.xaxis, ax.yaxis), mechanism.inputs, strict=True):
         axis.set_label_text(f"{plain(name)} [{unit(False, degrees)}]")
         if not degrees:
@@ -106,8 +108,8 @@ def input_map(
 
 def _type_1(
     mechanism: Mechanism, dyad: Dyad, q: Array, closed: Bool
-) -> Iterator[tuple[Array, str]]:
-    """Yield left sides of type 1 over the grid, NaN where loops do not close, and strokes."""
+) -> Iterator[tuple[Array, str, str]]:
+    """Yield left sides of type 1 over the grid, NaN where loops are open, strokes and words."""
     # Of an output that is the pin: of each leg, stretched and folded; else equations in the angles.
     if not dyad.at_pin():
         forms = joint_forms(mechanism)
@@ -115,32 +117,20 @@ def _type_1(
             if locus.kind == "type 1":
                 value = np.full(closed.shape, np.nan)
                 value[closed] = forms.values(q[closed])[:, k]
-                yield value, "-"
+                yield value, "-", "type 1: the output loses a direction"
         return
     for leg in (0, 1):
         crank, rod = dyad.link_directions(q, leg)
         straight = (np.conj(crank) * rod).real > 0
         sine = dyad.elbow_sine(q, leg)
-        for stretched, style in ((True, "-"), (False, "--")):
-            yield np.where(closed & (straight == stretched), sine, np.nan), style
+        for stretched, style, how in ((True, "-", "stretched"), (False, "--", "folded")):
+            there = closed & (straight == stretched)
+            yield np.where(there, sine, np.nan), style, f"type 1: a leg {how}"
 
 
-def map_legend(ax: Axes, mechanism: Mechanism | None = None) -> None:
-    """Say what the lines of ``input_map`` are: of this mechanism, or of one led at its pin."""
-    dyad = None if mechanism is None else planar_dyad(mechanism)
-    handles: list[Any] = [
-        Patch(color=_FEASIBLE, label="loops close"),
-        Line2D([], [], color=TYPE_2, label="type 2: B1, P, B2 in line"),
-        Line2D([], [], color=TYPE_2, marker="o", mfc="white", ls="", label="type 2: B1 = B2"),
-    ]
-    if mechanism is None or dyad is None or dyad.at_pin():
-        handles += [
-            Line2D([], [], color=TYPE_1, label="type 1: a leg stretched"),
-            Line2D([], [], color=TYPE_1, ls="--", label="type 1: a leg folded"),
-        ]
-    else:
-        handles.append(Line2D([], [], color=TYPE_1, label="type 1: the output loses a direction"))
-    ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, fontsize=8)
+def map_legend(ax: Axes, down: float = 0.12) -> None:
+    """Say below the axes what is drawn in them."""
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -down), ncols=2, fontsize=8)
 
 
 def measure_curves(
@@ -169,7 +159,7 @@ def measure_curves(
     ax.plot([], [], color=TYPE_1, label="type 1 measure")
     ax.plot([], [], color=TYPE_2, label="type 2 measure")
     ax.set_ylim(bottom=0)
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2, fontsize=8)
+    map_legend(ax, 0.16)
 
 
 def draw_linkage(
@@ -242,11 +232,19 @@ def crosses_zero(value: Array) -> bool:
     return bool(len(there)) and bool(there.min() < 0 < there.max())
 
 
-def zero_line(ax: Axes, x: Array, y: Array, value: Array, color: str, style: str) -> None:
-    """Draw where a grid of values, NaN where there is none, changes its sign."""
+def once(ax: Axes, label: str) -> str | None:
+    """A label for the legend, unless something in the axes has it."""
+    return None if label in ax.get_legend_handles_labels()[1] else label
+
+
+def zero_line(
+    ax: Axes, x: Array, y: Array, value: Array, color: str, style: str, said: str
+) -> None:
+    """Draw where a grid of values, NaN where there is none, changes its sign, and what it says."""
     if crosses_zero(value):
         shown = np.ma.masked_invalid(value)
         ax.contour(x, y, shown, levels=[0.0], colors=[color], linestyles=[style], linewidths=1.5)
+        ax.plot([], [], color=color, ls=style, label=once(ax, said))
 
 
 def joint_points(mechanism: Mechanism, q: Array) -> Array:
@@ -382,7 +380,6 @@ def motion_curve(
     low, high = told[0][1].min(axis=0), told[0][1].max(axis=0)
     centre = np.where(np.isfinite(turn) & (high - low < turn), (low + high) / 2, 0.0)
     _, ax = plt.subplots(figsize=(6, 5))
-    shown: set[str] = set()
     signs = [[assembly_sign(mechanism, x) for x in q] for q, _ in told]
     part = any({"+", "-"} <= set(x) for x in signs)
     for number, ((_, values), sign) in enumerate(zip(told, signs, strict=True)):
@@ -391,20 +388,17 @@ def motion_curve(
                 (PLUS, "the curve of home") if number == 0 else (MINUS, "other assembly modes")
             )  # fmt: skip
             piece = _broken(values[begin : min(end + 1, len(values))], turn, centre)
-            ax.plot(*piece.T, color=color, lw=1.8, label=None if label in shown else label)
-            shown.add(label)
+            ax.plot(*piece.T, color=color, lw=1.8, label=once(ax, label))
     for point in points:
         place = _folded(_values(mechanism, point.q[None], names, degrees), turn, centre)[0]
         color = TYPE_1 if point.kind == "type 1" else TYPE_2
-        label = "" if point.kind in shown else point.kind
-        ax.plot(*place, "o", color=color, ms=6, zorder=4, ls="", label=label or None)
-        shown.add(point.kind)
+        ax.plot(*place, "o", color=color, ms=6, zorder=4, ls="", label=once(ax, point.kind))
     for axis, name in zip((ax.xaxis, ax.yaxis), names, strict=True):
         turned = "°" if degrees else "rad"
         axis.set_label_text(f"{name} [{turned if _turns(mechanism, name) else 'm'}]")
     if all(name in COORDINATES[:3] for name in names):
         ax.set_aspect("equal", adjustable="datalim")
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2, fontsize=8)
+    map_legend(ax, 0.13)
     ax.set_title(f"{mechanism.name}: every pose of the output", fontsize=10)
     return ax
 
@@ -677,7 +671,7 @@ def pose_maps(
         if panel is None:
             ax.axis("off")
             continue
-        _draw_slice(ax, mechanism, found, panel, degrees)
+        _draw_slice(ax, mechanism, found, panel, degrees, alone)
         count = len(panel.positive)
         told = f"{count} aspect{'s' * (count != 1)}"
         ax.set_title(
@@ -691,10 +685,7 @@ def pose_maps(
     else:
         more = "" if len(modes) == len(shown) else f" ({len(shown)} of {len(modes)})"
         figure.suptitle(f"{mechanism.name}: {what}, by working mode{more}", fontsize=11)
-    figure.legend(
-        handles=_handles(mechanism, drawn), loc="outside lower center", ncols=2 if alone else 3,
-        fontsize=8,
-    )  # fmt: skip
+    legend_of_all(figure.axes, 2 if alone else 3)
     return figure
 
 
@@ -782,7 +773,7 @@ def _of_home(mechanism: Mechanism, Q: Array, there: Bool, sign: bool) -> bool:
 
 
 def _draw_slice(
-    ax: Axes, mechanism: Mechanism, found: PoseSlice, panel: Panel, degrees: bool
+    ax: Axes, mechanism: Mechanism, found: PoseSlice, panel: Panel, degrees: bool, alone: bool
 ) -> None:
     from scipy.ndimage import gaussian_filter
 
@@ -796,26 +787,33 @@ def _draw_slice(
             x, y, np.ma.masked_less(panel.numbers, 1), cmap=ListedColormap(shades),
             norm=BoundaryNorm(edges, len(shades)), shading="nearest", rasterized=True,
         )  # fmt: skip
-    if _bordered(panel):
+        said = "every pose singular" * panel.everywhere
+        if _everywhere(mechanism):
+            said = "reached; singular everywhere"
+        _name_aspects(ax, panel.positive, shades, alone, said)
+    # Where the loops close no further is type 1, where there is such a locus.
+    bounds, color = "the loops close no further", LIMIT
+    if any(x.kind == "type 1" for x in joint_forms(mechanism).loci):
+        bounds, color = f"type 1: {bounds}", TYPE_1
+    if panel.reached.any() and int((~panel.reached).sum()) >= LEAST:
         ones = [left for kind, left in panel.lefts if kind == "type 1"]
         if ones:
             edge, level = np.ma.masked_invalid(border_field(panel.reached, ones)), 0.0
         else:
             # Cells over which the border of what was reached is smoothed.
             edge, level = gaussian_filter(panel.reached.astype(float), 0.9), 0.5
-        ax.contour(x, y, edge, levels=[level], colors=[_border(mechanism)], linewidths=1.2)
-    zero_line(ax, x, y, panel.margin, LIMIT, "--")
+        ax.contour(x, y, edge, levels=[level], colors=[color], linewidths=1.2)
+        ax.plot([], [], color=color, label=bounds)
+    zero_line(ax, x, y, panel.margin, LIMIT, "--", "limit of a joint")
+    lines = {
+        "passive": (PASSIVE, ":", "passive joints dependent"), "type 1": (TYPE_1, "-", bounds)
+    }  # fmt: skip
     for kind, left in panel.lefts:
-        color = {"passive": PASSIVE, "type 1": TYPE_1}.get(kind, TYPE_2)
-        zero_line(ax, x, y, left, color, ":" if kind == "passive" else "-")
+        zero_line(ax, x, y, left, *lines.get(kind, (TYPE_2, "-", "type 2")))
     for axis, name, row in zip((ax.xaxis, ax.yaxis), found.names, rows, strict=True):
         axis.set_label_text(f"{name} [{'m' if row < 3 else '°' if degrees else 'rad'}]")
     if max(rows) < 3:
         ax.set_aspect("equal")
-
-
-def _bordered(panel: Panel) -> bool:
-    return bool(panel.reached.any()) and int((~panel.reached).sum()) >= LEAST
 
 
 def border_field(reached: Bool, ones: Sequence[Array]) -> Array:
@@ -849,47 +847,14 @@ def border_field(reached: Bool, ones: Sequence[Array]) -> Array:
     return field
 
 
-def _border(mechanism: Mechanism) -> str:
-    """Colour of where the loops close no further: type 1, where there is such a locus."""
-    return TYPE_1 if any(x.kind == "type 1" for x in joint_forms(mechanism).loci) else LIMIT
-
-
-def _handles(mechanism: Mechanism, drawn: Sequence[Panel]) -> list[Any]:
-    """Return what lines and colours are, of those that occur."""
-    kinds = {kind for panel in drawn for kind, left in panel.lefts if crosses_zero(left)}
-    bordered = any(map(_bordered, drawn))
-    closes = "type 1" in kinds or (bordered and _border(mechanism) == TYPE_1)
-    limited = any((p.margin[np.isfinite(p.margin)] < 0).any() for p in drawn)
-    lines = (
-        (kinds - {"type 1", "passive"}, TYPE_2, "-", "type 2"),
-        (closes, TYPE_1, "-", "type 1: the loops close no further"),
-        (bordered and not closes, LIMIT, "-", "the loops close no further"),
-        (limited, LIMIT, "--", "limit of a joint"),
-        ("passive" in kinds, PASSIVE, ":", "passive joints dependent"),
-    )
-    out: list[Any] = [
-        Line2D([], [], color=color, ls=style, label=label)
-        for there, color, style, label in lines
-        if there
-    ]
-    if _everywhere(mechanism):
-        return [*out, Patch(color=colors([True])[0], label="reached; singular everywhere")]
-    if any(panel.everywhere for panel in drawn):
-        out.append(Patch(color=SINGULAR, label="every pose singular"))
-        drawn = [panel for panel in drawn if not panel.everywhere]
-    if not drawn:
-        return out
-    if len(drawn) > 1:
-        told = {p for panel in drawn for p in panel.positive}
-        for sign, word in ((True, "assembly +, as at home"), (False, "assembly −")):
-            if sign in told:
-                out.append(Patch(color=colors([sign])[0], label=f"aspects of {word}"))
-        return out
-    positive = drawn[0].positive
-    for number, (sign, shade) in enumerate(zip(positive, colors(positive), strict=True), 1):
-        if number <= _MOST_NAMED:
-            word = "assembly +" if sign else "assembly −"
-            out.append(Patch(color=shade, label=f"aspect {number}: {word}"))
-    if len(positive) > _MOST_NAMED:
-        out.append(Patch(color="none", label=f"and {len(positive) - _MOST_NAMED} more"))
-    return out
+def _name_aspects(
+    ax: Axes, positive: Sequence[bool], shades: Sequence[str], alone: bool, said: str
+) -> None:
+    """Say what the colours of aspects are: each of a single picture, of several those of a sign."""
+    for number, (sign, shade) in enumerate(zip(positive, shades, strict=True), 1):
+        label = f"aspects of assembly {'+, as at home' if sign else '−'}"
+        if alone and number <= _MOST_NAMED:
+            label = f"aspect {number}: assembly {'+' if sign else '−'}"
+        elif alone:
+            shade, label = "none", f"and {len(positive) - _MOST_NAMED} more"
+        ax.fill([], [], color=shade, label=once(ax, said or label))

@@ -143,7 +143,7 @@ def legend_below(
         )
 
 
-def legend_of_all(every: Sequence[Axes]) -> None:
+def legend_of_all(every: Sequence[Axes], columns: int = 2) -> None:
     """One legend under several axes of a figure; what several have stands in it once."""
     found: dict[str, Any] = {}
     for ax in every:
@@ -154,7 +154,7 @@ def legend_of_all(every: Sequence[Axes]) -> None:
             list(found.values()),
             list(found),
             loc="outside lower center",
-            ncols=min(2, len(found)),
+            ncols=min(columns, len(found)),
             fontsize=SMALL - 1,
             frameon=False,
             handlelength=2.4,

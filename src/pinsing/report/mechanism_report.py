@@ -331,7 +331,7 @@ def maps(mechanism: Mechanism) -> Section | None:
     drawn, axes = plt.subplots(1, 2, figsize=(7.0, 3.3), layout="constrained")
     for ax, sign in zip(axes, "+-", strict=True):
         input_map(mechanism, sign, ax, samples=361)
-    map_legend(axes[0], mechanism)
+    map_legend(axes[0])
     axes[0].get_legend().set_bbox_to_anchor((1.2, -0.22), axes[0].transAxes)
     alt = (
         f"Two maps over {mechanism.inputs[0]} and {mechanism.inputs[1]}, one for each assembly "
