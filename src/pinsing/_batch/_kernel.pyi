@@ -19,14 +19,11 @@ class ConditionSet:
     def clearances(
         self,
         X: NDArray[np.float64],
-        lower: NDArray[np.float64],
-        upper: NDArray[np.float64],
-        family: NDArray[np.int64],
-        each: NDArray[np.float64],
-        points: NDArray[np.float64],
+        each: bool,
+        points: bool,
         isa: str,
         threads: int,
-    ) -> None: ...
+    ) -> tuple[Any, ...]: ...
     def nearest(
         self,
         X: NDArray[np.float64],
@@ -36,13 +33,8 @@ class ConditionSet:
         far: float,
         gap: float,
         boxes: int,
-        lower: NDArray[np.float64],
-        upper: NDArray[np.float64],
-        family: NDArray[np.int64],
-        used: NDArray[np.int64],
-        points: NDArray[np.float64],
         threads: int,
-    ) -> None: ...
+    ) -> tuple[Any, ...]: ...
     def watch(
         self,
         x: NDArray[np.float64],
@@ -100,10 +92,9 @@ def jacobians(
     t: NDArray[np.float64],
     prismatic: NDArray[np.bool_],
     Q: NDArray[np.float64],
-    out: NDArray[np.float64],
     isa: str,
     threads: int,
-) -> None: ...
+) -> NDArray[np.float64]: ...
 def singular_values(
     R: NDArray[np.float64],
     t: NDArray[np.float64],
@@ -111,19 +102,17 @@ def singular_values(
     rows: Sequence[int],
     factors: Sequence[float],
     Q: NDArray[np.float64],
-    out: NDArray[np.float64],
     isa: str,
     threads: int,
     max_sweeps: int,
-) -> int: ...
+) -> tuple[NDArray[np.float64], bool]: ...
 def svdvals(
     A: NDArray[np.float64],
-    out: NDArray[np.float64],
     isa: str,
     threads: int,
     max_sweeps: int,
     by_roots: bool,
-) -> int: ...
+) -> tuple[NDArray[np.float64], bool]: ...
 def walks(
     R: NDArray[np.float64],
     t: NDArray[np.float64],
@@ -136,13 +125,11 @@ def walks(
     rules: Sequence[float],
     Q: NDArray[np.float64],
     free: NDArray[np.float64],
-    X: NDArray[np.float64],
-    ends: NDArray[np.float64],
     isa: str,
     threads: int,
     max_iterations: int,
     max_sweeps: int,
-) -> None: ...
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 def joint_speeds(
     rows: NDArray[np.float64],
     linear: NDArray[np.bool_],
@@ -156,10 +143,9 @@ def joint_speeds(
     still: bool,
     J: NDArray[np.float64],
     R: NDArray[np.float64],
-    out: NDArray[np.float64],
     isa: str,
     threads: int,
-) -> None: ...
+) -> NDArray[np.float64]: ...
 def tubes(
     terms: NDArray[np.float64],
     start: Sequence[int],
@@ -167,10 +153,9 @@ def tubes(
     families: int,
     near: float,
     boxes: NDArray[np.float64],
-    out: NDArray[np.float64],
     isa: str,
     threads: int,
-) -> None: ...
+) -> NDArray[np.float64]: ...
 def to_poses(
     R: NDArray[np.float64],
     t: NDArray[np.float64],

@@ -98,9 +98,8 @@ def jacobians(
     RuntimeError without the kernel.
     """
     Q = np.require(Q, np.float64, ("C", "A"))
-    out = np.empty((len(Q), 6, chain.n))
-    module().jacobians(chain.R, chain.t, chain.prismatic, Q, out, *_how(isa, threads))
-    return out
+    how = _how(isa, threads)
+    return np.asarray(module().jacobians(chain.R, chain.t, chain.prismatic, Q, *how))
 
 
 def singular_values(
@@ -118,16 +117,17 @@ def singular_values(
     accurate as LAPACK's, small ones included. Else as `jacobians`.
     """
     rows, Q = list(rows), np.require(Q, np.float64, ("C", "A"))
-    out = np.empty((len(Q), min(len(rows), chain.n)))
     scale = [1.0 / length_scale if row < 3 else 1.0 for row in rows]
-    how = rows, scale, Q, out, *_how(isa, threads), MAX_SWEEPS
-    if beyond := chain.n > module().MAX_COLUMNS:
-        out[:] = np.nan
-    if beyond or module().singular_values(chain.R, chain.t, chain.prismatic, *how):
+    if chain.n > module().MAX_COLUMNS:
+        J = jacobians(chain, Q, threads=threads, isa=isa)
+        return _lapack(J[:, rows] * np.array(scale)[:, None])
+    how = rows, scale, Q, *_how(isa, threads), MAX_SWEEPS
+    out, unfinished = module().singular_values(chain.R, chain.t, chain.prismatic, *how)
+    if unfinished:
         left = np.isnan(out[:, 0])
-        J = jacobians(chain, Q[left], threads=threads, isa=isa)[:, rows] * np.array(scale)[:, None]
-        out[left] = np.linalg.svd(J, compute_uv=False)
-    return out
+        J = jacobians(chain, Q[left], threads=threads, isa=isa)
+        out[left] = _lapack(J[:, rows] * np.array(scale)[:, None])
+    return np.asarray(out)
 
 
 def svdvals(
@@ -144,12 +144,16 @@ def svdvals(
     A, kernel = np.require(J, np.float64, ("C", "A")), module()
     rank = min(A.shape[1:])
     if rank > kernel.MAX_RANK or max(A.shape[1:]) > kernel.MAX_COLUMNS:
-        return np.asarray(np.linalg.svd(A, compute_uv=False), dtype=np.float64)
-    out = np.empty((len(A), rank))
-    if kernel.svdvals(A, out, *_how(isa, threads), max_sweeps, by_roots):
+        return _lapack(A)
+    out, unfinished = kernel.svdvals(A, *_how(isa, threads), max_sweeps, by_roots)
+    if unfinished:
         left = np.isnan(out[:, 0])
-        out[left] = np.linalg.svd(A[left], compute_uv=False)
-    return out
+        out[left] = _lapack(A[left])
+    return np.asarray(out)
+
+
+def _lapack(A: Floats) -> Floats:
+    return np.asarray(np.linalg.svd(A, compute_uv=False), dtype=np.float64)
 
 
 def _how(isa: str | None, threads: int | None) -> tuple[str, int]:
@@ -258,8 +262,7 @@ def walks(
     """
     kernel = module()
     Q = np.ascontiguousarray(Q, dtype=np.float64)
-    X, ends = np.empty_like(Q), np.empty((len(Q), 2))
-    kernel.walks(
+    X, ends = kernel.walks(
         chain.R,
         chain.t,
         chain.prismatic,
@@ -270,8 +273,6 @@ def walks(
         astuple(rules),
         Q,
         np.ascontiguousarray(free, dtype=np.float64),
-        X,
-        ends,
         *_how(isa, threads),
         min(max_iterations, 2**31 - 1),
         MAX_SWEEPS,

@@ -1,6 +1,8 @@
 // One kernel. Compiled once for each instruction set, with its machine flags and PINSING_ISA, its name.
 #include <math.h>
 #include <string.h>
+
+#include <new>
 #if defined(__SSE2__)
 #include <immintrin.h>
 #endif
@@ -41,50 +43,47 @@ namespace {
 #include "speeds.hpp"
 #include "tube.hpp"
 
-// Scratch, in blocks: q[n], J[6 n] and a copy of it; or a matrix and its transpose.
-std::size_t scratch(int n) {
-    const int chain = 13 * n, matrices = 2 * kMaxRank * kMaxColumns;
-    return static_cast<std::size_t>(chain > matrices ? chain : matrices) * kLanes;
-}
+// Room for so many blocks.
+struct Memory {
+    V* at;
+    explicit Memory(int count) : at(static_cast<V*>(::operator new(count * sizeof(V), kAlign))) {}
+    ~Memory() { ::operator delete(at, kAlign); }
+    Memory(const Memory&) = delete;
+    static constexpr std::align_val_t kAlign{64};
+};
 
-// Calls block(first, width) for the items 0..N-1 in blocks of kLanes, the last perhaps narrower.
+// Calls block(in, out, scratch, width) for kLanes items at a time, the last ones perhaps fewer, with as
+// much scratch as is asked for, in blocks.
 template <class Block>
-inline Outcome for_each_block(std::int64_t N, Block block) {
-    Outcome outcome{-1, 0};
-    for (std::int64_t first = 0; first < N; first += kLanes) {
-        const int width = N - first < kLanes ? static_cast<int>(N - first) : kLanes;
-        if (!block(first, width, outcome)) break;
+inline Outcome for_each_block(const Batch& all, int scratch, Block block) {
+    int size = scratch;
+    for (const Rows& rows : all.in) size += rows.count;
+    for (const Rows& rows : all.out) size += rows.count;
+    Memory memory(size);
+    V *in[2], *out[5], *rest = memory.at;
+    for (int k = 0; k < 2; rest += all.in[k++].count) in[k] = rest;
+    for (int k = 0; k < 5; rest += all.out[k++].count) out[k] = rest;
+    Outcome outcome{-1, false};
+    for (std::int64_t first = 0; first < all.N; first += kLanes) {
+        const int width = all.N - first < kLanes ? static_cast<int>(all.N - first) : kLanes;
+        for (int k = 0; k < 2 && all.in[k].count > 0; k++) {
+            const int count = all.in[k].count;
+            load_rows(all.in[k].at + first * count, count, width, in[k]);
+            const int wrong = first_not_finite(in[k], count, width);
+            if (wrong >= 0) return {first + wrong, outcome.unfinished};
+        }
+        block(in, out, rest, width);
+        for (int k = 0; k < 5 && all.out[k].count > 0; k++) {
+            const int count = all.out[k].count;
+            if (all.out[k].at != nullptr) store_rows(out[k], count, width, all.out[k].at + first * count);
+        }
+        if (__builtin_expect(any(~(out[0][0] <= __builtin_inf())), 0)) outcome.unfinished = true;
     }
     return outcome;
 }
 
-// Loads `count` numbers of each item; false, with the item noted, where one is not finite.
-inline bool load_finite(const double* in, int count, std::int64_t first, int width, V* x,
-                        Outcome& outcome) {
-    load_rows(in + first * count, count, width, x);
-    const int wrong = first_not_finite(x, count, width);
-    if (wrong >= 0) outcome.not_finite = first + wrong;
-    return wrong < 0;
-}
-
-inline void store_values(V* S, int rank, std::int64_t first, int width, double* out,
-                         Outcome& outcome) {
-    store_rows(S, rank, width, out + first * rank);
-    if (__builtin_expect(any(~(S[0] <= __builtin_inf())), 0))
-        for (int i = 0; i < width; i++) outcome.unfinished += lanes(S)[i] != lanes(S)[i];
-}
-
-Outcome jacobians(const Chain& chain, const double* Q, std::int64_t N, double* out,
-                  double* memory) {
-    const int n = chain.n;
-    V* q = reinterpret_cast<V*>(memory);
-    V* J = q + n;
-    return for_each_block(N, [&](std::int64_t first, int width, Outcome& outcome) {
-        if (!load_finite(Q, n, first, width, q, outcome)) return false;
-        jacobian_block(chain, q, J);
-        store_rows(J, 6 * n, width, out + first * 6 * n);
-        return true;
-    });
+Outcome jacobians(const Chain& chain, const Batch& all) {
+    return for_each_block(all, 0, [&](V** in, V** out, V*, int) { jacobian_block(chain, in[0], out[0]); });
 }
 
 // Whether the task is the six rows in order, translations times one factor, of an arm that only
@@ -109,153 +108,99 @@ inline bool scaled_chain(const Chain& chain, const Task& task, double* t) {
     return reach < kLong;
 }
 
-Outcome singular_values(const Chain& chain, const Task& task, const double* Q, std::int64_t N,
-                        double* out, int max_sweeps, double* memory) {
-    const int n = chain.n, m = task.m;
-    V* q = reinterpret_cast<V*>(memory);
-    V* J = q + n;
-    V* A = J + 6 * n;
-    V S[kMaxRank];
+Outcome singular_values(const ValueTask& wanted, const Batch& all) {
+    const auto& [chain, task, max_sweeps] = wanted;
+    const int n = chain.n;
     double t[3 * (kMaxColumns + 1)];
     if (scaled_chain(chain, task, t)) {
         const Chain scaled{n, chain.R, t, chain.prismatic};
-        const Svd svd = off_axis(scaled) ? svd_of(m, n, true) : svd_beside_unit(n);
-        return for_each_block(N, [&](std::int64_t first, int width, Outcome& outcome) {
-            if (!load_finite(Q, n, first, width, q, outcome)) return false;
-            tip_jacobian_block(scaled, q, J);
-            svd(J, S, max_sweeps, true);
-            store_values(S, svd.rank, first, width, out, outcome);
-            return true;
+        const Svd svd = off_axis(scaled) ? svd_of(6, n, true) : svd_beside_unit(n);
+        return for_each_block(all, 6 * n, [&](V** in, V** out, V* J, int) {
+            tip_jacobian_block(scaled, in[0], J);
+            svd(J, out[0], max_sweeps, true);
         });
     }
-    const Svd svd = svd_of(m, n, true);
-    return for_each_block(N, [&](std::int64_t first, int width, Outcome& outcome) {
-        if (!load_finite(Q, n, first, width, q, outcome)) return false;
-        jacobian_block(chain, q, J);
-        task_matrix(task, n, J, A);
-        svd(A, S, max_sweeps);
-        store_values(S, svd.rank, first, width, out, outcome);
-        return true;
+    const Svd svd = svd_of(task.m, n, true);
+    return for_each_block(all, 12 * n, [&](V** in, V** out, V* J, int) {
+        jacobian_block(chain, in[0], J);
+        task_matrix(task, n, J, J + 6 * n);
+        svd(J + 6 * n, out[0], max_sweeps);
     });
 }
 
-Outcome svdvals(const double* in, int m, int n, std::int64_t N, double* out, int max_sweeps,
-                bool by_roots, double* memory) {
+Outcome svdvals(const MatrixTask& wanted, const Batch& all) {
+    const auto& [m, n, max_sweeps, by_roots] = wanted;
     const Svd svd = svd_of(m, n, by_roots);
-    V* A = reinterpret_cast<V*>(memory);
-    V* T = A + m * n;
-    V S[kMaxRank];
-    return for_each_block(N, [&](std::int64_t first, int width, Outcome& outcome) {
-        if (!load_finite(in, m * n, first, width, A, outcome)) return false;
-        V* wide = A;
-        if (m > n) {
-            for (int i = 0; i < m; i++)
-                for (int j = 0; j < n; j++) T[j * m + i] = A[i * n + j];
-            wide = T;
-        }
-        svd(wide, S, max_sweeps);
-        store_values(S, svd.rank, first, width, out, outcome);
-        return true;
+    return for_each_block(all, m * n, [&](V** in, V** out, V* wide, int) {
+        for (int i = 0; i < m && m > n; i++)
+            for (int j = 0; j < n; j++) wide[j * m + i] = in[0][i * n + j];
+        svd(m > n ? wide : in[0], out[0], max_sweeps);
     });
 }
 
-Outcome walks(const Chain& chain, const Task& task, const Walk& walk, const double* Q,
-              const double* free, std::int64_t N, double* X, double* ends, int max_sweeps) {
-    const int n = chain.n;
-    const WalkTask all{chain, task, walk, max_sweeps};
-    V q[kWalkJoints], movable[kWalkJoints], at_end[2];
-    return for_each_block(N, [&](std::int64_t first, int width, Outcome& outcome) {
-        if (!load_finite(Q, n, first, width, q, outcome)) return false;
-        load_rows(free + first * n, n, width, movable);
-        walk_block(all, q, movable, at_end[0], at_end[1]);
-        store_rows(q, n, width, X + first * n);
-        store_rows(at_end, 2, width, ends + 2 * first);
-        return true;
+Outcome walks(const WalkTask& task, const Batch& all) {
+    const int n = task.chain.n;
+    return for_each_block(all, n, [&](V** in, V** out, V*, int) {
+        for (int j = 0; j < n; j++) out[0][j] = in[0][j];
+        walk_block(task, out[0], in[1], out[1][0], out[1][1]);
     });
 }
 
-Outcome speeds(const SpeedTask& task, const double* J, const double* R, std::int64_t N, double* out) {
-    V j[6 * kSpeedColumns], r[kSpeedColumns], told[3 + kSpeedColumns];
-    One half[3 + kSpeedColumns];
+// One half of a block.
+PINSING_INLINE One& half_of(V& x, int side) { return side == 0 ? x.a : x.b; }
+
+Outcome speeds(const SpeedTask& task, const Batch& all) {
+    One told[3 + kSpeedColumns];
     BoxOfSpeeds box(task);
-    const int count = 6 * task.k;
-    return for_each_block(N, [&](std::int64_t first, int width, Outcome& outcome) {
-        if (!load_finite(J, count, first, width, j, outcome)) return false;
-        if (!load_finite(R, task.n, first, width, r, outcome)) return false;
+    return for_each_block(all, 0, [&](V** in, V** out, V*, int width) {
         for (int side = 0; side < (width > kHalf ? 2 : 1); side++) {
-            const auto part = [side](V& x) -> One& { return side == 0 ? x.a : x.b; };
-            for (int i = 0; i < count; i++) box.J[i] = part(j[i]);
+            for (int i = 0; i < 6 * task.k; i++) box.J[i] = half_of(in[0][i], side);
             clear(box.r, task.k);
             for (int i = 0; i < task.n; i++)
-                if (task.moving[i]) box.r[i] = part(r[i]);
-            box.run(half);
-            for (int i = 0; i < 3 + task.n; i++) part(told[i]) = half[i];
+                if (task.moving[i]) box.r[i] = half_of(in[1][i], side);
+            box.run(told);
+            for (int i = 0; i < 3 + task.n; i++) half_of(out[0][i], side) = told[i];
         }
-        store_rows(told, 3 + task.n, width, out + first * (3 + task.n));
-        return true;
     });
 }
 
-Outcome tubes(const Tube& p, const double* boxes, std::int64_t N, double* out) {
+Outcome tubes(const Tube& p, const Batch& all) {
     constexpr int n = kTubeJoints;
     const int F = p.families, count = 2 * n + 2 + F;
-    V box[2 * n + 2 + kTubeSums], halves[2 * (2 * n + 2 + kTubeSums)];
-    return for_each_block(N, [&](std::int64_t first, int width, Outcome& outcome) {
-        if (!load_finite(boxes, count, first, width, box, outcome)) return false;
+    return for_each_block(all, 0, [&](V** in, V** out, V*, int) {
         for (int side = 0; side < 4; side++) {
-            const auto part = [side](V& v) -> One& { return side % 2 == 0 ? v.a : v.b; };
-            V* half = halves + side / 2 * count;
+            const auto box = [&](int k) { return half_of(in[0][k], side % 2); };
+            const auto half = [&](int k) -> One& { return half_of(out[0][side / 2 * count + k], side % 2); };
             One x[n], h[n], far[kTubeSums];
             for (int j = 0; j < n; j++) {
-                const One wide = part(box[n + j]), gap = vabs(part(box[count - 1]) - spread(j));
+                const One wide = box(n + j), gap = vabs(box(count - 1) - spread(j));
                 const One less = select(gap < 0.5, 0.5 * wide, spread(0.0));
-                x[j] = side < 2 ? part(box[j]) - less : part(box[j]) + less;
+                x[j] = side < 2 ? box(j) - less : box(j) + less;
                 h[j] = (wide - less) * kMore;
             }
-            (p.count > 3 + p.factors ? rank_box : tube_box)(p, x, h, far, part(half[count - 1]));
+            (p.count > 3 + p.factors ? rank_box : tube_box)(p, x, h, far, half(count - 1));
             for (int j = 0; j < n; j++) {
-                part(half[j]) = x[j];
-                part(half[n + j]) = h[j];
+                half(j) = x[j];
+                half(n + j) = h[j];
             }
-            for (int k = 0; k <= F; k++) part(half[2 * n + k]) = vmin(far[k], part(box[2 * n + k]));
+            for (int k = 0; k <= F; k++) half(2 * n + k) = vmin(far[k], box(2 * n + k));
         }
-        store_rows(halves, 2 * count, width, out + first * 2 * count);
-        return true;
     });
 }
 
-std::size_t condition_scratch(const Conditions& c) {
-    return (branch_blocks(c.n) + static_cast<std::size_t>(c.n + (2 + c.n) * c.families)) * kLanes;
-}
-
-Outcome clearances(const Conditions& c, const double* X, std::int64_t N, double* lower,
-                   double* upper, std::int64_t* family, double* each, double* points,
-                   double* memory) {
-    V* x = reinterpret_cast<V*>(memory);
-    V* bound = x + c.n;
-    V* near = bound + 2 * c.families;
-    V* rest = near + c.n * c.families;
-    return for_each_block(N, [&](std::int64_t first, int width, Outcome& outcome) {
-        if (!load_finite(X, c.n, first, width, x, outcome)) return false;
-        bounds_of_families(c, x, bound, rest);
-        if (points != nullptr) {
-            reach_families(c, x, bound, near, rest);
-            store_rows(near, c.n * c.families, width, points + first * c.n * c.families);
-        }
-        if (each != nullptr)
-            store_rows(bound, 2 * c.families, width, each + first * 2 * c.families);
-        V low = broadcast(__builtin_inf()), high = low, of = broadcast(-1.0);
+Outcome clearances(const Conditions& c, const Batch& all) {
+    return for_each_block(all, branch_blocks(c.n), [&](V** in, V** out, V* rest, int) {
+        V &low = out[0][0], &high = out[1][0], &of = out[2][0];
+        V* bound = out[3];
+        bounds_of_families(c, in[0], bound, rest);
+        if (all.out[4].at != nullptr) reach_families(c, in[0], bound, out[4], rest);
+        low = high = broadcast(__builtin_inf());
+        of = broadcast(-1.0);
         for (int f = 0; f < c.families; f++) {
             of = select(bound[2 * f] < low, broadcast(static_cast<double>(f)), of);
             low = vmin(low, bound[2 * f]);
             high = vmin(high, bound[2 * f + 1]);
         }
-        for (int i = 0; i < width; i++) {
-            lower[first + i] = lanes(&low)[i];
-            upper[first + i] = lanes(&high)[i];
-            family[first + i] = static_cast<std::int64_t>(lanes(&of)[i]);
-        }
-        return true;
     });
 }
 
@@ -263,17 +208,9 @@ Outcome clearances(const Conditions& c, const double* X, std::int64_t N, double*
 }  // namespace PINSING_ISA
 
 extern const Kernel PINSING_KERNEL(PINSING_ISA){
-    PINSING_NAME(PINSING_ISA),
-    PINSING_ISA::kLanes,
-    &PINSING_ISA::scratch,
-    &PINSING_ISA::jacobians,
-    &PINSING_ISA::singular_values,
-    &PINSING_ISA::svdvals,
-    &PINSING_ISA::walks,
-    &PINSING_ISA::speeds,
-    &PINSING_ISA::tubes,
-    &PINSING_ISA::condition_scratch,
-    &PINSING_ISA::clearances,
+    PINSING_NAME(PINSING_ISA),      &PINSING_ISA::jacobians, &PINSING_ISA::singular_values,
+    &PINSING_ISA::svdvals,          &PINSING_ISA::walks,     &PINSING_ISA::speeds,
+    &PINSING_ISA::tubes,            &PINSING_ISA::clearances,
 };
 
 }  // namespace pinsing

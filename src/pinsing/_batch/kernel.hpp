@@ -5,7 +5,6 @@
 // one that this machine cannot run).
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 
 #include "conditions.hpp"
@@ -23,7 +22,6 @@ constexpr int kTubeSums = 64;
 constexpr int kTubeJoints = 5;
 constexpr int kTubeTerm = 2 + kTubeJoints;  // an amplitude, a phase, rates
 constexpr int kTubeColumns = 88;
-constexpr int kScratchAlign = 64;
 
 // T(q) = C_0 M_0(q_0) C_1 ... M_{n-1}(q_{n-1}) C_n with C_i = [R_i t_i; 0 1], M_i = Rz or Tz.
 struct Chain {
@@ -40,8 +38,22 @@ struct Task {
     double factor[6];
 };
 
-// How walks to rank drops go: see pinsing/kinematics/refine.py for each of the numbers.
-struct Walk {
+// Singular values of a task. A value that takes dqds more than max_sweeps leaves its item NaN.
+struct ValueTask {
+    Chain chain;
+    Task task;
+    int max_sweeps;
+};
+
+// Those of matrices m x n: by roots first, or by dqds alone.
+struct MatrixTask {
+    int m, n, max_sweeps;
+    bool by_roots;
+};
+
+// How walks to rank drops go: see pinsing/kinematics/refine.py for each of the numbers. The chain is
+// in the arm's own length: rows need no factors.
+struct WalkTask : ValueTask {
     int rank;             // the generic one
     double size;          // what sigma_1 counts as at least
     const double* lower;  // (n,) joint limits, perhaps infinite
@@ -81,44 +93,47 @@ struct Tube {
     TubeSum sums[kTubeSums];
 };
 
+// Arrays of a batch: for each of N items a row of `count` numbers. Those that go in have to be finite;
+// what comes out is not wanted where `at` is null.
+struct Rows {
+    const char* name;
+    double* at;
+    int count;
+};
+struct Batch {
+    std::int64_t N;
+    Rows in[2], out[5];  // a count of zero: no more
+};
+
 struct Outcome {
     std::int64_t not_finite;  // index of the first input item that is not finite, or -1
-    std::int64_t unfinished;  // items whose singular values did not converge: set to NaN
+    bool unfinished;          // whether the first number of any item is NaN: it did not converge
 };
 
 struct Kernel {
     const char* name;
-    int lanes;
-    // Doubles of scratch (aligned to kScratchAlign) that the functions below need for n joints.
-    std::size_t (*scratch)(int n);
-    // Q (N, n) -> J (N, 6, n)
-    Outcome (*jacobians)(const Chain&, const double* Q, std::int64_t N, double* J, double* scratch);
-    // Q (N, n) -> S (N, min(m, n)), descending; min(m, n) <= kMaxRank, max(m, n) <= kMaxColumns
-    Outcome (*singular_values)(const Chain&, const Task&, const double* Q, std::int64_t N,
-                               double* S, int max_sweeps, double* scratch);
-    // A (N, m, n) -> S (N, min(m, n)), descending; same bounds. By roots first, or by dqds alone.
-    Outcome (*svdvals)(const double* A, int m, int n, std::int64_t N, double* S, int max_sweeps,
-                       bool by_roots, double* scratch);
-    // Q, free (N, n) -> X (N, n), where walks end, and ends (N, 2): derivatives taken (-1 where a
-    // singular value did not converge), 1 where the walk came to rest. At most kWalkJoints joints
-    // and kWalkEquations equations; factors of the task are one.
-    Outcome (*walks)(const Chain&, const Task&, const Walk&, const double* Q, const double* free,
-                     std::int64_t N, double* X, double* ends, int max_sweeps);
-    // J (N, 6, k) at centres, half widths R (N, n) -> out (N, 2 + n): the share of the limits there, a
-    // bound in the box, and what each joint's width has in it. At most kSpeedColumns columns.
-    Outcome (*speeds)(const SpeedTask&, const double* J, const double* R, std::int64_t N, double* out);
-    // Boxes (N, 12 + families) -> their halves (N, 2, 12 + families): middles and half widths (5,) of
+    // Q (n,) -> J (6, n)
+    Outcome (*jacobians)(const Chain&, const Batch&);
+    // Q (n,) -> S (min(m, n),), descending; min(m, n) <= kMaxRank, max(m, n) <= kMaxColumns
+    Outcome (*singular_values)(const ValueTask&, const Batch&);
+    // A (m, n) -> S (min(m, n),), descending; same bounds
+    Outcome (*svdvals)(const MatrixTask&, const Batch&);
+    // Q, free (n,) -> X (n,), where walks end, and ends (2,): derivatives taken (-1 where a singular
+    // value did not converge), 1 where the walk came to rest. At most kWalkJoints joints and
+    // kWalkEquations equations; factors of the task are one.
+    Outcome (*walks)(const WalkTask&, const Batch&);
+    // J (6, k) at centres, half widths R (n,) -> out (3 + n,): the share of the limits there, by the
+    // first order in the box, a bound in it, and what each joint's width has in that. At most
+    // kSpeedColumns columns.
+    Outcome (*speeds)(const SpeedTask&, const Batch&);
+    // Boxes (12 + families,) -> their halves (2, 12 + families): middles and half widths (5,) of
     // the parts that may hold singular configurations; how far these are from families at most, from
     // each if all others are far, and from the nearest; the joint to halve.
-    Outcome (*tubes)(const Tube&, const double* boxes, std::int64_t N, double* out);
-    // Doubles of scratch that the next one needs.
-    std::size_t (*condition_scratch)(const Conditions&);
-    // X (N, n) -> least lower and upper bounds over the families (N,), the family of the lower one
-    // (N,), the bounds of each family (N, families, 2) unless each is null, and unless points is
-    // null closer upper ones (Euclidean), with points (N, families, n) that they rest on
-    Outcome (*clearances)(const Conditions&, const double* X, std::int64_t N, double* lower,
-                          double* upper, std::int64_t* family, double* each, double* points,
-                          double* scratch);
+    Outcome (*tubes)(const Tube&, const Batch&);
+    // X (n,) -> least lower and upper bounds over the families, the family of the lower one (-1 is
+    // none), the bounds of each family (families, 2); if points (families, n) are wanted closer
+    // upper ones (Euclidean), which rest on these
+    Outcome (*clearances)(const Conditions&, const Batch&);
 };
 
 #if PINSING_HAVE_BASELINE

@@ -4,8 +4,6 @@
 // and each item is computed alone, so results do not depend on the number of threads.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
-#include <nanobind/stl/string.h>
-#include <nanobind/stl/vector.h>
 
 #include <algorithm>
 #include <cmath>
@@ -20,16 +18,15 @@ namespace nb = nanobind;
 
 namespace {
 
+using pinsing::Arrays;
 using pinsing::Chain;
 using pinsing::define;
 using pinsing::In;
 using pinsing::InFlags;
 using pinsing::Kernel;
-using pinsing::Out;
 using pinsing::require;
 using pinsing::require_shape;
-using pinsing::rows_of;
-using pinsing::share_finite;
+using pinsing::share;
 
 // The kernels that were compiled, best last (an installation for one machine has one), and whether this
 // machine can run them.
@@ -81,17 +78,13 @@ namespace {
 using pinsing::chain_of;
 using pinsing::kernel_named;
 
-void jacobians(const In& R, const In& t, const InFlags& prismatic, const In& Q, Out out,
-               const std::string& isa, int threads) {
-    const Kernel& kernel = kernel_named(isa);
+nb::object jacobians(const In& R, const In& t, const InFlags& prismatic, const In& Q,
+                     const std::string& isa, int threads) {
     const Chain chain = chain_of(R, t, prismatic);
-    const std::size_t n = static_cast<std::size_t>(chain.n), N = rows_of(Q, n);
-    require_shape(out, "out", {N, 6, n});
-    share_finite("Q", N, threads, kernel.scratch(chain.n),
-                 [&](std::int64_t first, std::int64_t count, double* scratch) {
-                     return kernel.jacobians(chain, Q.data() + first * chain.n, count,
-                                             out.data() + first * 6 * chain.n, scratch);
-                 });
+    Arrays all("Q", Q, {prismatic.size()});
+    const nb::object J = all.make({6, prismatic.size()});
+    share(kernel_named(isa).jacobians, chain, all, threads);
+    return J;
 }
 
 // The task of these rows times their factors.
@@ -108,111 +101,82 @@ pinsing::Task task_of(const std::vector<int>& rows, const std::vector<double>& f
     return task;
 }
 
-pinsing::Task plain_task(const std::vector<int>& rows) {
-    return task_of(rows, std::vector<double>(rows.size(), 1.0));
+// Singular values, and whether those of any item are NaN.
+nb::tuple singular_values(const In& R, const In& t, const InFlags& prismatic, const std::vector<int>& rows,
+                          const std::vector<double>& factors, const In& Q, const std::string& isa,
+                          int threads, int max_sweeps) {
+    const pinsing::ValueTask task{chain_of(R, t, prismatic), task_of(rows, factors), max_sweeps};
+    require(task.chain.n <= pinsing::kMaxColumns, "too many joints for the compiled singular values");
+    Arrays all("Q", Q, {prismatic.size()});
+    const nb::object S = all.make({std::min(rows.size(), prismatic.size())});
+    return nb::make_tuple(S, share(kernel_named(isa).singular_values, task, all, threads));
 }
 
-std::int64_t singular_values(const In& R, const In& t, const InFlags& prismatic,
-                             const std::vector<int>& rows, const std::vector<double>& factors,
-                             const In& Q, Out out, const std::string& isa, int threads,
-                             int max_sweeps) {
-    const Kernel& kernel = kernel_named(isa);
-    const Chain chain = chain_of(R, t, prismatic);
-    const pinsing::Task task = task_of(rows, factors);
-    require(chain.n <= pinsing::kMaxColumns, "too many joints for the compiled singular values");
-    const std::size_t n = static_cast<std::size_t>(chain.n), N = rows_of(Q, n);
-    const int rank = std::min(task.m, chain.n);
-    require_shape(out, "out", {N, static_cast<std::size_t>(rank)});
-    return share_finite("Q", N, threads, kernel.scratch(chain.n),
-                        [&](std::int64_t first, std::int64_t count, double* scratch) {
-                            return kernel.singular_values(chain, task, Q.data() + first * chain.n,
-                                                          count, out.data() + first * rank,
-                                                          max_sweeps, scratch);
-                        });
-}
-
-std::int64_t svdvals(const In& A, Out out, const std::string& isa, int threads, int max_sweeps,
-                     bool by_roots) {
-    const Kernel& kernel = kernel_named(isa);
+nb::tuple svdvals(const In& A, const std::string& isa, int threads, int max_sweeps, bool by_roots) {
     require(A.ndim() == 3, "the matrices must have shape (N, m, n)");
-    const int m = static_cast<int>(A.shape(1)), n = static_cast<int>(A.shape(2));
-    const int rank = std::min(m, n);
+    const std::size_t m = A.shape(1), n = A.shape(2), rank = std::min(m, n);
     require(rank >= 1 && rank <= pinsing::kMaxRank && std::max(m, n) <= pinsing::kMaxColumns,
             "matrices of this size are not covered");
-    require_shape(out, "out", {A.shape(0), static_cast<std::size_t>(rank)});
-    return share_finite("the matrix", A.shape(0), threads, kernel.scratch(1),
-                        [&](std::int64_t first, std::int64_t count, double* scratch) {
-                            return kernel.svdvals(A.data() + first * m * n, m, n, count,
-                                                  out.data() + first * rank, max_sweeps, by_roots,
-                                                  scratch);
-                        });
+    const pinsing::MatrixTask task{static_cast<int>(m), static_cast<int>(n), max_sweeps, by_roots};
+    Arrays all("the matrix", A, {m, n});
+    const nb::object S = all.make({rank});
+    return nb::make_tuple(S, share(kernel_named(isa).svdvals, task, all, threads));
 }
 
-// `rules`: floor, good, stationary, no_minimum, longest, most_damping, stretch of Walk.
-void walks(const In& R, const In& t, const InFlags& prismatic, const std::vector<int>& rows,
-           int rank, double size, const In& lower, const In& upper,
-           const std::vector<double>& rules, const In& Q, const In& free, Out X, Out ends,
-           const std::string& isa, int threads, int max_iterations, int max_sweeps) {
-    const Kernel& kernel = kernel_named(isa);
-    const Chain chain = chain_of(R, t, prismatic);
-    const std::size_t n = static_cast<std::size_t>(chain.n), N = rows_of(Q, n);
-    require(n <= pinsing::kWalkJoints, "too many joints for compiled walks");
-    const pinsing::Task task = plain_task(rows);
-    require(rank >= 1 && rank <= std::min(task.m, chain.n), "impossible rank");
-    require((task.m - rank + 1) * (chain.n - rank + 1) <= pinsing::kWalkEquations, "too many equations");
+// `rules`: floor, good, stationary, no_minimum, longest, most_damping, stretch of WalkTask.
+nb::tuple walks(const In& R, const In& t, const InFlags& prismatic, const std::vector<int>& rows, int rank,
+                double size, const In& lower, const In& upper, const std::vector<double>& rules,
+                const In& Q, const In& free, const std::string& isa, int threads, int max_iterations,
+                int max_sweeps) {
+    const std::size_t n = prismatic.size();
+    require(rules.size() == 7, "there are seven rules");
     require_shape(lower, "lower", {n});
     require_shape(upper, "upper", {n});
-    require(rules.size() == 7, "there are seven rules");
-    require_shape(free, "free", {N, n});
-    require_shape(X, "X", {N, n});
-    require_shape(ends, "ends", {N, 2});
-    const pinsing::Walk walk{rank, size, lower.data(), upper.data(), max_iterations, rules[0],
-                             rules[1], rules[2], rules[3], rules[4], rules[5], rules[6]};
-    share_finite("Q", N, threads, 1, [&](std::int64_t first, std::int64_t count, double*) {
-        const std::int64_t at = first * chain.n;
-        return kernel.walks(chain, task, walk, Q.data() + at, free.data() + at, count, X.data() + at,
-                            ends.data() + 2 * first, max_sweeps);
-    });
+    const std::vector<double> plain(rows.size(), 1.0);
+    const pinsing::WalkTask task{{chain_of(R, t, prismatic), task_of(rows, plain), max_sweeps}, rank, size,
+                                 lower.data(), upper.data(), max_iterations, rules[0], rules[1],
+                                 rules[2], rules[3], rules[4], rules[5], rules[6]};
+    const int m = task.task.m;
+    require(n <= pinsing::kWalkJoints, "too many joints for compiled walks");
+    require(rank >= 1 && rank <= std::min(m, task.chain.n), "impossible rank");
+    require((m - rank + 1) * (task.chain.n - rank + 1) <= pinsing::kWalkEquations, "too many equations");
+    Arrays all("Q", Q, {n});
+    all.add("free", free, {n});
+    const nb::object X = all.make({n}), ends = all.make({2});
+    share(kernel_named(isa).walks, task, all, threads);
+    return nb::make_tuple(X, ends);
 }
 
 // `speeds`: those of the tip, m/s and rad/s.
-void joint_speeds(const In& rows, const InFlags& linear, const In& limits, const In& far,
-                  const InFlags& turns, const InFlags& moving, const std::vector<double>& speeds,
-                  int middle, int rounds, bool still, const In& J, const In& R, Out out, const std::string& isa,
-                  int threads) {
-    const Kernel& kernel = kernel_named(isa);
+nb::object joint_speeds(const In& rows, const InFlags& linear, const In& limits, const In& far,
+                        const InFlags& turns, const InFlags& moving, const std::vector<double>& speeds,
+                        int middle, int rounds, bool still, const In& J, const In& R,
+                        const std::string& isa, int threads) {
     const std::size_t n = limits.size(), k = far.size(), m = linear.size();
     require(1 <= n && n <= k && k <= pinsing::kSpeedColumns && 1 <= m && m <= 6 && m <= k,
             "too many joints, or rows, for this");
     require(rows.size() == 6 * m && turns.size() == k && moving.size() == n && speeds.size() == 2,
             "rows must be (m, 6), turns (k,), moving (n,), and speeds two");
-    const std::size_t N = rows_of(R, n);
-    require_shape(J, "J", {N, 6, k});
-    require_shape(out, "out", {N, n + 3});
     const pinsing::SpeedTask task{static_cast<int>(n), static_cast<int>(k), static_cast<int>(m),
                                   rows.data(), linear.data(), limits.data(), far.data(), turns.data(),
                                   moving.data(), speeds[0], speeds[1], middle, rounds, still};
-    share_finite("J or R", N, threads, 1, [&](std::int64_t first, std::int64_t count, double*) {
-        return kernel.speeds(task, J.data() + first * 6 * task.k, R.data() + first * task.n, count,
-                             out.data() + first * (task.n + 3));
-    });
+    Arrays all("J or R", J, {6, k});
+    all.add("R", R, {n});
+    const nb::object out = all.make({3 + n});
+    share(kernel_named(isa).speeds, task, all, threads);
+    return out;
 }
 
 // The sums of kernel.hpp's Tube: terms (T, 7), where each begins (S + 1,), about them (S, 9) noise,
 // family (-1 of a minor, last), whether it is of a joint value, power, branch, and its joints.
-void tubes(const In& terms, const std::vector<int>& start, const In& about, int families,
-           double near, const In& boxes, Out out, const std::string& isa, int threads) {
-    const Kernel& kernel = kernel_named(isa);
-    require(terms.ndim() == 2 && about.ndim() == 2 && boxes.ndim() == 2 && out.ndim() == 2,
-            "terms, about, boxes and out must have two axes");
-    const std::size_t S = about.shape(0), T = terms.shape(0), N = boxes.shape(0);
-    const std::size_t row = 2 * pinsing::kTubeJoints + 2 + families;
+nb::object tubes(const In& terms, const std::vector<int>& start, const In& about, int families,
+                 double near, const In& boxes, const std::string& isa, int threads) {
+    require(terms.ndim() == 2 && about.ndim() == 2, "terms and about must have two axes");
+    const std::size_t S = about.shape(0), T = terms.shape(0);
     require(terms.shape(1) == pinsing::kTubeTerm && about.shape(1) == 9 && S >= 3 &&
                 S <= pinsing::kTubeSums && start.size() == S + 1 && start[0] == 0 && start[S] == static_cast<int>(T),
             "terms must be (T, 7), about (S, 9), with S + 1 starts");
-    require(families >= 1 && families < pinsing::kTubeSums && boxes.shape(1) == row &&
-                out.shape(0) == 2 * N && out.shape(1) == row,
-            "boxes must be (N, 12 + families), out twice as many");
+    require(families >= 1 && families < pinsing::kTubeSums, "too many families, or none");
     std::vector<double> table;
     table.reserve(T * pinsing::kTubeColumns);
     pinsing::Tube tube{0, families, static_cast<int>(S), near, {}};
@@ -259,10 +223,11 @@ void tubes(const In& terms, const std::vector<int>& start, const In& about, int 
         }
         tube.sums[i] = s;
     }
-    share_finite("boxes", N, threads, 1, [&](std::int64_t first, std::int64_t count, double*) {
-        const std::int64_t at = first * static_cast<std::int64_t>(row);
-        return kernel.tubes(tube, boxes.data() + at, count, out.data() + 2 * at);
-    });
+    const std::size_t row = 2 * pinsing::kTubeJoints + 2 + families;
+    Arrays all("boxes", boxes, {row});
+    const nb::object halves = all.make({2, row});
+    share(kernel_named(isa).tubes, tube, all, threads);
+    return halves;
 }
 
 std::vector<std::string> names(bool all) {

@@ -1,7 +1,5 @@
 // Conditions as a Python object, made once and asked often: its arrays are copied and checked here,
 // so that a call costs little.
-#include <nanobind/stl/string.h>
-
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -62,27 +60,15 @@ public:
     ConditionSet(const ConditionSet&) = delete;
     ConditionSet& operator=(const ConditionSet&) = delete;
 
-    // Bounds of the clearance; `each` (N, families, 2) may be empty, and `points` (N, families, n).
-    void clearances(const In& X, Out lower, Out upper, OutWhole family, Out each, Out points,
-                    const std::string& isa, int threads) const {
-        const Kernel& kernel = kernel_named(isa);
-        const std::size_t n = static_cast<std::size_t>(c_.n), N = rows_of(X, n);
-        const std::size_t families = static_cast<std::size_t>(c_.families);
-        require_shape(lower, "lower", {N});
-        require_shape(upper, "upper", {N});
-        require_shape(family, "family", {N});
-        if (each.size() > 0) require_shape(each, "each", {N, families, 2});
-        if (points.size() > 0) require_shape(points, "points", {N, families, n});
-        require(points.size() == 0 || !c_.largest, "points are of the Euclidean norm");
-        const auto part = [](Out& all, std::int64_t at) { return all.size() > 0 ? all.data() + at : nullptr; };
-        share_finite("Q", N, threads, kernel.condition_scratch(c_),
-                     [&](std::int64_t first, std::int64_t count, double* scratch) {
-                         return kernel.clearances(c_, X.data() + first * c_.n, count,
-                                                  lower.data() + first, upper.data() + first,
-                                                  family.data() + first,
-                                                  part(each, first * 2 * c_.families),
-                                                  part(points, first * c_.families * c_.n), scratch);
-                     });
+    // Bounds of the clearance (see kernel.hpp); those of each family, and points, if they are wanted.
+    nb::tuple clearances(const In& X, bool each, bool points, const std::string& isa, int threads) const {
+        require(!points || !c_.largest, "points are of the Euclidean norm");
+        const std::size_t n = static_cast<std::size_t>(c_.n), families = static_cast<std::size_t>(c_.families);
+        Arrays all("Q", X, {n});
+        const nb::object lower = all.make({}), upper = all.make({}), family = all.make({});
+        const nb::object every = all.make({families, 2}, each), near = all.make({families, n}, points);
+        share(kernel_named(isa).clearances, c_, all, threads);
+        return nb::make_tuple(lower, upper, family, every, near);
     }
 
     // One configuration x (n,): lower, upper, time to contact and rate into out (4,); returns the
@@ -94,16 +80,17 @@ public:
         const std::size_t n = static_cast<std::size_t>(c_.n);
         require(x.size() == n && (velocity.size() == n || velocity.size() == 0) && out.size() == 4,
                 "x must have shape (n,), velocity (n,) or (0,), out (4,)");
-        const Kernel& kernel = kernel_named(isa);
-        const Scratch scratch = allocate(kernel.condition_scratch(c_));
         double* result = out.data();
-        std::int64_t family = -1;
         for (std::size_t j = 0; j < velocity.size(); j++)
             if (!std::isfinite(velocity.data()[j])) return -2;
         std::vector<double> each(2 * static_cast<std::size_t>(c_.families));
-        const Outcome outcome = kernel.clearances(c_, x.data(), 1, result, result + 1, &family,
-                                                  each.data(), nullptr, scratch.get());
-        if (outcome.not_finite >= 0) return -2;
+        double nearest = -1.0;
+        const Batch one{1,
+                        {{"x", const_cast<double*>(x.data()), c_.n}, {}},
+                        {{"", result, 1}, {"", result + 1, 1}, {"", &nearest, 1}, {"", each.data(), 2 * c_.families},
+                         {"", nullptr, c_.n * c_.families}}};
+        if (kernel_named(isa).clearances(c_, one).not_finite >= 0) return -2;
+        std::int64_t family = static_cast<std::int64_t>(nearest);
         int nearer = 0;  // families that may be nearer than a point of this one
         for (int f = 0; family >= 0 && f < c_.families; f++)
             nearer += f != family && each[2 * f] < each[2 * family + 1];
@@ -125,35 +112,32 @@ public:
         return static_cast<int>(family);
     }
 
-    // Nearest points: X (N, n) -> lower, upper, family, boxes (N,), points (N, n).
-    void nearest(const In& X, const In& lower_limit, const In& upper_limit, bool limited, double far,
-                 double gap, std::int64_t boxes, Out lower, Out upper, OutWhole family,
-                 OutWhole used, Out points, int threads) const {
-        const std::size_t n = static_cast<std::size_t>(c_.n), N = rows_of(X, n);
-        const std::size_t limits = lower_limit.size();
+    // Nearest points of X (N, n): lower, upper, family, boxes (N,), points (N, n).
+    nb::tuple nearest(const In& X, const In& lower_limit, const In& upper_limit, bool limited, double far,
+                      double gap, std::int64_t boxes, int threads) const {
+        const std::size_t n = static_cast<std::size_t>(c_.n), N = X.shape(0), limits = lower_limit.size();
+        require_shape(X, "Q", {N, n});
         require(upper_limit.size() == limits &&
                     (limits == n || limits == n * static_cast<std::size_t>(c_.families)),
                 "limits must have shape (n,) or (families, n)");
-        require_shape(lower, "lower", {N});
-        require_shape(upper, "upper", {N});
-        require_shape(family, "family", {N});
-        require_shape(used, "used", {N});
-        require_shape(points, "points", {N, n});
-        for (std::size_t i = 0; i < X.size(); i++)
-            require(std::isfinite(X.data()[i]), "Q holds a value that is not finite");
+        require(std::all_of(X.data(), X.data() + N * n, [](double x) { return std::isfinite(x); }),
+                "Q holds a value that is not finite");
         const SearchOptions options{lower_limit.data(), upper_limit.data(), limits == n ? 0 : c_.n,
                                     limited, far, gap, boxes};
+        const Made<double> lower({N}), upper({N}), points({N, n});
+        const Made<std::int64_t> family({N}), used({N});
         const auto search = [&](std::int64_t i) {
             const double* x = X.data() + i * c_.n;
-            double* point = points.data() + i * c_.n;
+            double* point = points.data + i * c_.n;
             std::copy(x, x + c_.n, point);
             const Nearest found = nearest_condition(c_, options, x, point);
-            lower.data()[i] = found.lower;
-            upper.data()[i] = found.upper;
-            family.data()[i] = found.family;
-            used.data()[i] = found.boxes;
+            lower.data[i] = found.lower;
+            upper.data[i] = found.upper;
+            family.data[i] = found.family;
+            used.data[i] = found.boxes;
         };
         share_each(N, threads, search, 1);
+        return nb::make_tuple(lower.array, upper.array, family.array, used.array, points.array);
     }
 
 private:

@@ -18,10 +18,10 @@ using InLinks = nb::ndarray<const std::int32_t, nb::c_contig, nb::device::cpu>;
 constexpr double kNever = -std::numeric_limits<double>::infinity();
 
 template <class Number>
-nb::ndarray<nb::numpy, Number> handed_over(std::vector<Number> numbers) {
-    auto* own = new std::vector<Number>(std::move(numbers));
-    nb::capsule owner(own, [](void* p) noexcept { delete static_cast<std::vector<Number>*>(p); });
-    return nb::ndarray<nb::numpy, Number>(own->data(), {own->size()}, owner);
+nb::object handed_over(const std::vector<Number>& numbers) {
+    const Made<Number> made({numbers.size()});
+    std::copy(numbers.begin(), numbers.end(), made.data);
+    return made.array;
 }
 
 // Nodes (D, M) of the pose before at which motions to nodes `here` (M,) begin: those of the same
@@ -52,7 +52,7 @@ void sources(const InLinks& before, const InLinks& beside, const InLinks& last, 
 // Motions to parts of nodes, from parts of the nodes `source` (D, M) where theirs began: `part`
 // (W, 3), -1 is none. Returned are those at most `reach` and both `half` widths away (D', M), each
 // once and in order, `none` behind; `before` (M,) are the nearest ones.
-nb::ndarray<nb::numpy, std::int32_t> divided(
+nb::object divided(
     const InWhole& source, const InWhole& part, const In& value, const In& half,
     const In& last_value, const In& last_half, double reach, bool cyclic, int none,
     nb::ndarray<std::int32_t, nb::c_contig, nb::device::cpu> before) {
@@ -91,7 +91,7 @@ nb::ndarray<nb::numpy, std::int32_t> divided(
     std::vector<std::int32_t> out(most * M, none);
     for (std::size_t m = 0; m < M; m++)
         for (std::size_t d = end[m]; d < end[m + 1]; d++) out[(d - end[m]) * M + m] = found[d];
-    return handed_over(std::move(out));
+    return handed_over(out);
 }
 
 // Nodes of two poses, `q` (W, n) and `to` (M, n), what clearance there is proven, and how far a
@@ -236,10 +236,10 @@ nb::tuple onward(Motions& motion, const InWhole& source, const InFlags& far, con
         }
     }
     return nb::make_tuple(
-        nb::make_tuple(handed_over(std::move(cell)), handed_over(std::move(held)),
-                       handed_over(std::move(before)), handed_over(std::move(lack))),
-        nb::make_tuple(handed_over(std::move(node)), handed_over(std::move(last)),
-                       handed_over(std::move(slack)), handed_over(std::move(may))));
+        nb::make_tuple(handed_over(cell), handed_over(held),
+                       handed_over(before), handed_over(lack)),
+        nb::make_tuple(handed_over(node), handed_over(last),
+                       handed_over(slack), handed_over(may)));
 }
 
 // As `onward`, toward the pose before: `through` (W,) and `passing` (M,) are what paths to and on
@@ -266,8 +266,8 @@ nb::tuple onward_back(Motions& motion, const InWhole& source, const In& through,
                 node.push_back(m), last.push_back(x), slack.push_back(motion.slack),
                     may.push_back(value);
         }
-    return nb::make_tuple(handed_over(std::move(node)), handed_over(std::move(last)),
-                          handed_over(std::move(slack)), handed_over(std::move(may)));
+    return nb::make_tuple(handed_over(node), handed_over(last),
+                          handed_over(slack), handed_over(may));
 }
 
 }  // namespace

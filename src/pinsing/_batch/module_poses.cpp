@@ -240,7 +240,7 @@ void link_nodes(const In& Q, const In& turn, const In& whole, const In& scale, b
     require(before.size() == size && step.size() == size && beside.size() == 2 * size &&
                 ends.size() == 2 * size && way.size() == size,
             "an output has the wrong shape");
-    const auto work = [&](std::int64_t first, std::int64_t count, double*) {
+    const auto work = [&](std::int64_t first, std::int64_t count) {
         const double* q = Q.data() + first * W * n;
         Circles last(first > 0 ? q - W * n : q, G, S, n);
         std::vector<int> link(static_cast<std::size_t>(2 * W));
@@ -279,9 +279,9 @@ void link_nodes(const In& Q, const In& turn, const In& whole, const In& scale, b
             }
             last = std::move(here);
         }
-        return Outcome{-1, 0};
+        return true;
     };
-    share_out(static_cast<std::int64_t>(Q.shape(0)), threads, 1, work, 50);
+    share_out(static_cast<std::int64_t>(Q.shape(0)), threads, work, 50);
 }
 
 }  // namespace

@@ -256,6 +256,7 @@ PINSING_INLINE void store_tile(const Tile* x, int count, int part, double* out) 
 
 // A block x[k] (k < count) in lanes to rows of an array: out[i * count + k], lanes i < width.
 PINSING_INLINE void store_rows(V* x, int count, int width, double* out) {
+    if (count == 1) return (void)memcpy(out, x, width * sizeof(double));
 #if PINSING_TILES
     if (width == kLanes) {
         for (int k = 0; k < count; k += kHalf) {

@@ -58,18 +58,6 @@ static __attribute__((noinline)) void orthogonalise(V* C, int count, int length,
     }
 }
 
-// What a walk needs to know. The chain is in the arm's own length: rows need no factors.
-struct WalkTask {
-    const Chain& chain;
-    const Task& task;
-    const Walk& walk;
-    int max_sweeps;
-
-    int n() const { return chain.n; }
-    int m() const { return task.m; }
-    int equations() const { return (m() - walk.rank + 1) * (n() - walk.rank + 1); }
-};
-
 // Columns (n, m + n) of the rows of a Jacobian over a unit matrix, and rows (m, n + m) beside one, to be
 // made orthogonal.
 static void bordered(const Task& task, int n, const V* J, V* columns, V* rows) {
@@ -86,13 +74,13 @@ static void bordered(const Task& task, int n, const V* J, V* columns, V* rows) {
 
 // sigma_1 and sigma_r at q.
 static void ends_of_spectrum(const WalkTask& w, const V* q, V* J, V& first, V& last) {
-    const int n = w.n(), m = w.m();
+    const int n = w.chain.n, m = w.task.m;
     V A[6 * kWalkJoints], S[kMaxRank];
     jacobian_block(w.chain, q, J);
     task_matrix(w.task, n, J, A);
     svd_of(m, n, true)(A, S, w.max_sweeps);
     first = S[0];
-    last = S[w.walk.rank - 1];
+    last = S[w.rank - 1];
 }
 
 PINSING_INLINE void cross_into(const V* a, const V* b, V* sum) {
@@ -129,7 +117,7 @@ static void derivative_along(const V* J, int n, const V* u, const V* v, V* out) 
 // The equations at the q that J was taken at: n derivatives and the value of each, in rows of n + 1;
 // that of the singular triplet itself first.
 static void equations_at(const WalkTask& w, const V* J, V* B) {
-    const int n = w.n(), m = w.m(), r = w.walk.rank;
+    const int n = w.chain.n, m = w.task.m, r = w.rank;
     V columns[kWalkJoints * (6 + kWalkJoints)], rows[6 * (kWalkJoints + 6)];
     const int column = m + n, row = column;
     bordered(w.task, n, J, columns, rows);
@@ -185,8 +173,7 @@ static void solve_damped(V* B, int count, int n, V shift, V* step) {
 // a minimum that is not zero.
 static Mask step_at(const WalkTask& w, const V* q, const V* free, const V* J, V first, V last,
                     V damping, V* step) {
-    const int n = w.n(), count = w.equations();
-    const Walk& o = w.walk;
+    const int n = w.chain.n, count = (w.task.m - w.rank + 1) * (n - w.rank + 1);
     V B[kWalkEquations * (kWalkJoints + 1)], copy[kWalkEquations * (kWalkJoints + 1)];
     equations_at(w, J, B);
     for (int k = 0; k < count; k++)
@@ -197,8 +184,8 @@ static Mask step_at(const WalkTask& w, const V* q, const V* free, const V* J, V 
     Mask blocked[kWalkJoints], some = none();
     const V zero = broadcast(0.0);
     for (int j = 0; j < n; j++) {
-        blocked[j] = ((q[j] <= o.lower[j]) & (step[j] < zero)) |
-                     ((broadcast(o.upper[j]) <= q[j]) & (step[j] > zero));
+        blocked[j] = ((q[j] <= w.lower[j]) & (step[j] < zero)) |
+                     ((broadcast(w.upper[j]) <= q[j]) & (step[j] > zero));
         some = some | blocked[j];
     }
     if (any(some)) {
@@ -214,35 +201,34 @@ static Mask step_at(const WalkTask& w, const V* q, const V* free, const V* J, V 
         size += step[j] * step[j];
         slope += B[j] * B[j];
     }
-    const V shorter = vmin(o.longest / vmax(vsqrt(size), 1e-300), 1.0);
+    const V shorter = vmin(w.longest / vmax(vsqrt(size), 1e-300), 1.0);
     for (int j = 0; j < n; j++) step[j] *= shorter;
-    return (slope <= o.stationary * last * first) & (last > o.no_minimum * first);
+    return (slope <= w.stationary * last * first) & (last > w.no_minimum * first);
 }
 
 // Walks of one block: q is moved. Out: derivatives taken, and 1 where a walk came to rest.
 static void walk_block(const WalkTask& w, V* q, const V* free, V& taken, V& rest) {
-    const int n = w.n();
-    const Walk& o = w.walk;
+    const int n = w.chain.n;
     V J[6 * kWalkJoints], other[6 * kWalkJoints], trial[2][kWalkJoints], step[kWalkJoints];
     V first, last, first_at[2], last_at[2];
     const V zero = broadcast(0.0), one = broadcast(1.0);
     ends_of_spectrum(w, q, J, first, last);
     const auto ratio_of = [&](V large, V small) {
-        const V size = vmax(large, o.size);
+        const V size = vmax(large, w.size);
         return select(size > zero, small / vmax(size, 1e-300), zero);
     };
     V damping = one, movable = zero;
     taken = rest = zero;
     for (int j = 0; j < n; j++) movable = vmax(movable, free[j]);
-    Mask active = (ratio_of(first, last) > o.floor) & (movable > zero);
-    for (int k = 0; k < o.max_iterations && any(active); k++) {
+    Mask active = (ratio_of(first, last) > w.floor) & (movable > zero);
+    for (int k = 0; k < w.max_iterations && any(active); k++) {
         taken = select(active, taken + one, taken);
         jacobian_block(w.chain, q, J);
         const Mask flat = step_at(w, q, free, J, first, last, damping, step);
         for (int t = 0; t < 2; t++) {
-            const double times = t == 0 ? 1.0 : o.stretch;
+            const double times = t == 0 ? 1.0 : w.stretch;
             for (int j = 0; j < n; j++)
-                trial[t][j] = vmin(vmax(q[j] + times * step[j], o.lower[j]), o.upper[j]);
+                trial[t][j] = vmin(vmax(q[j] + times * step[j], w.lower[j]), w.upper[j]);
             ends_of_spectrum(w, trial[t], other, first_at[t], last_at[t]);
         }
         const Mask stretch = last_at[1] < last_at[0];
@@ -255,9 +241,9 @@ static void walk_block(const WalkTask& w, V* q, const V* free, V& taken, V& rest
         const V damped = vmax(damping * select(improved, broadcast(0.25), broadcast(16.0)), 1.0);
         damping = select(active, damped, damping);
         const V ratio = ratio_of(first, last);
-        const Mask still = flat | (damping > o.most_damping);
+        const Mask still = flat | (damping > w.most_damping);
         rest = select(active, select(still, one, zero), rest);
-        active = active & ~((ratio <= o.floor) | still | ((ratio <= o.good) & ~improved));
+        active = active & ~((ratio <= w.floor) | still | ((ratio <= w.good) & ~improved));
     }
     // Singular values that did not settle are left to who asked.
     taken = select((first <= kHuge) & (last <= kHuge), taken, broadcast(-1.0));

@@ -604,9 +604,6 @@ def two_sided(
     X = conditions.scaled(Q)
     handle = conditions.compiled if compiled else None
     N, F = len(X), conditions.families
-    every = np.empty((N, F, 2) if each or handle is None else (0, 0, 2))
-    lower, upper, family = np.empty(N), np.empty(N), np.empty(N, dtype=np.int64)
-    near = np.repeat(X[: N if points else 0, None], F, axis=1)
     margin = conditions.margin
     if margin is not None:
         found = two_sided(
@@ -617,10 +614,12 @@ def two_sided(
         return replace(found, lower=found.each[..., 0].min(axis=1, initial=np.inf), family=family)
     if handle is not None:
         count = 1 if N < 4096 else threads or engine.cpu_count()
-        handle.clearances(
-            X, lower, upper, family, every, near, isa or engine.isa_names()[-1], count
-        )
-        return Bounds(lower, upper, family, every, near)
+        how = each, points, isa or engine.isa_names()[-1], count
+        lower, upper, family, every, near = handle.clearances(X, *how)
+        every = np.empty((0, 0, 2)) if every is None else every
+        near = np.empty((0, F, X.shape[1])) if near is None else near
+        return Bounds(lower, upper, family.astype(np.int64), every, near)
+    every, near = np.empty((N, F, 2)), np.repeat(X[: N if points else 0, None], F, axis=1)
     rows = max(1, 2_000_000 // max((len(s.amplitude) for s in conditions.sums), default=1))
     for first in range(0, N, rows):
         every[first : first + rows] = _each(conditions, X[first : first + rows])
@@ -739,14 +738,13 @@ def nearest_points(
     low = np.ascontiguousarray(np.asarray(lower, dtype=float) * conditions.weight)
     high = np.ascontiguousarray(np.asarray(upper, dtype=float) * conditions.weight)
     far = 100.0 + float(np.abs(X).max(initial=0.0))  # how far slides without limits are searched
-    least, most, points = np.full(N, np.inf), np.full(N, np.inf), X.copy()
-    family, boxes = np.full(N, -1, dtype=np.int64), np.empty(N, dtype=np.int64)
     handle = conditions.compiled if compiled else None
     if handle is not None:
-        found = (least, most, family, boxes, points, engine.cpu_count())
-        how = options.within_limits, far, options.gap, options.boxes
-        handle.nearest(X, low, high, *how, *found)
+        how = options.within_limits, far, options.gap, options.boxes, engine.cpu_count()
+        least, most, family, boxes, points = handle.nearest(X, low, high, *how)
     else:
+        least, most, points = np.full(N, np.inf), np.full(N, np.inf), X.copy()
+        family, boxes = np.full(N, -1, dtype=np.int64), np.empty(N, dtype=np.int64)
         low, high = (np.broadcast_to(x, (conditions.families, n)) for x in (low, high))
         search = _NearestSearch(conditions, low, high, far, options)
         for i, x in enumerate(X):

@@ -484,7 +484,6 @@ def halve(p: Equations, boxes: Array, near: float = NEAR) -> Array:
     Half boxes are cut down to where the determinant may be zero, of the robot or of one between it
     and the design.
     """
-    out = np.empty((2 * len(boxes), boxes.shape[1]))
     sums = [Factor(-1, s, False, i) for i, s in enumerate(p.sums)]
     every = [*sums[:3], *p.factors, *sums[3:]]
     terms, about = [], []
@@ -498,18 +497,17 @@ def halve(p: Equations, boxes: Array, near: float = NEAR) -> Array:
         rate[:, : len(own)] = s.rate[:, own]
         terms.append(np.column_stack([s.amplitude, s.phase, rate]))
         about.append((s.noise, f.family, f.is_value, f.power, f.branch, *np.resize(own, 4)))
-    engine.module().tubes(
+    halves = engine.module().tubes(
         np.ascontiguousarray(np.concatenate(terms)),
         np.cumsum([0, *map(len, terms)]).tolist(),
         np.array(about, float),
         boxes.shape[1] - 12,
         near,
         np.ascontiguousarray(boxes),
-        out,
         engine.isa_names()[-1],
         engine.cpu_count(),
     )
-    return out
+    return np.asarray(halves.reshape(-1, boxes.shape[1]))
 
 
 def _two_sides(p: Determinant, width: Array, near: float) -> list[bool]:

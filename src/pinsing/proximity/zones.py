@@ -324,10 +324,9 @@ class SpeedBounds:
         return found
 
     def _of(self, C: Array, R: Array, rounds: int) -> BoxSpeeds:
-        out, speeds = np.empty((len(C), 3 + C.shape[1])), [self.v, self.w]
-        engine.module().joint_speeds(
+        out = engine.module().joint_speeds(
             *(self.rows, self.linear, self.judge.limits, self.far, self.turns, self.moving),
-            *(speeds, self.middle, rounds, self.still, self.jacobians(C), R, out),
+            *([self.v, self.w], self.middle, rounds, self.still, self.jacobians(C), R),
             *(engine.isa_names()[-1], engine.cpu_count()),
         )
         return BoxSpeeds(out[:, 0], out[:, 1], out[:, 2], out[:, 3:])
