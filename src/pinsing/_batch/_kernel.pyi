@@ -179,14 +179,6 @@ def distinct(
     small: float,
     threads: int,
 ) -> None: ...
-def sources(
-    before: NDArray[np.int32],
-    beside: NDArray[np.int32],
-    last: NDArray[np.int32],
-    here: NDArray[np.int64],
-    whole: int,
-    out: NDArray[np.int64],
-) -> None: ...
 def divided(
     source: NDArray[np.int64],
     part: NDArray[np.int64],

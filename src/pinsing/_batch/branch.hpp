@@ -1,4 +1,9 @@
-// The equations of one branch of a family: bounds on boxes, and descents to their zeros.
+// The equations of one branch of a family: descents to their zeros, and how far from a configuration
+// those within a box are at least, and where in the box they can be at all.
+//
+// In a box around c each equation is |f(c) + g (x - c)| <= rest, a slab, with the rest from Taylor's
+// theorem. The distance to box and slab is a bound; and the box shrinks to what the slabs, and the
+// ball of the best point known, leave of it.
 #pragma once
 
 #include <algorithm>
@@ -16,13 +21,19 @@ namespace pinsing {
 constexpr double kOn = 1e-12;  // residual, relative to an equation's size, of a point on it
 constexpr double kRidge = 1e-13;  // of a trace: damps directions in which equations do not change
 
+struct Box {
+    double c[kJoints], h[kJoints];  // centre and half-widths
+    double low;                     // no zero in it is nearer
+    double near[kJoints];           // where the nearest zero may be
+    int widest;                     // the joint that adds most to what is not known
+};
+
 // The equations of one branch, in the joints that occur in them.
 class Branch {
 public:
     Branch(const Conditions& c, int branch)
         : first(c.equation_start[branch]),
-          at(static_cast<std::size_t>(c.equation_start[branch + 1] - first)), c_(c),
-          largest_(c.largest) {
+          at(static_cast<std::size_t>(c.equation_start[branch + 1] - first)), c_(c) {
         int number[kJoints];
         std::fill(number, number + kJoints, -1);
         const auto numbered = [&](std::int64_t joint) {
@@ -136,7 +147,7 @@ public:
         double before = kInfinity;
         for (int iteration = 0; iteration < 40; iteration++) {
             for (int j = 0; j < n; j++) off[j] = x[j] - q[j];
-            if (norm_of(off, n, largest_) >= most) return kInfinity;
+            if (norm_of(off, n, c_.largest) >= most) return kInfinity;
             const double residual = evaluate(x);
             if (residual < 1e-15 || (residual <= kOn && residual > 0.5 * before)) break;
             if (residual > 0.7 * before) return kInfinity;
@@ -146,7 +157,7 @@ public:
         }
         if (!(evaluate(x) <= kOn)) return kInfinity;
         for (int j = 0; j < n; j++) off[j] = x[j] - q[j];
-        const double length = norm_of(off, n, largest_);
+        const double length = norm_of(off, n, c_.largest);
         return length < most ? length : kInfinity;
     }
 
@@ -163,7 +174,7 @@ public:
             for (int j = 0; j < n; j++) delta[j] = settling ? 0.0 : q[j] - x[j];
             const double residual = evaluate(x);
             held_step(x, lo, hi, delta, relax, step, along);
-            if (largest_ && at.size() == 1 && !settling)
+            if (c_.largest && at.size() == 1 && !settling)
                 cube_step(q, lo, hi, x, relax, step, along);
             double turned = 0.0, size = 0.0;
             for (int j = 0; j < n; j++) turned += along[j] * before[j], before[j] = along[j];
@@ -181,12 +192,42 @@ public:
         if (!(evaluate(x) <= kOn)) return kInfinity;
         double off[kJoints];
         for (int j = 0; j < n; j++) off[j] = x[j] - q[j];
-        return norm_of(off, n, largest_);
+        return norm_of(off, n, c_.largest);
+    }
+
+    // Fills in low, near and widest, and shrinks the box; false where it holds no zero that is
+    // nearer to q than `most`.
+    bool bound(const double* q, double known, double most, Box& box) {
+        const int n = d();
+        double lo[kJoints], hi[kJoints], near[kJoints], off[kJoints];
+        for (int j = 0; j < n; j++) {
+            lo[j] = box.c[j] - box.h[j];
+            hi[j] = box.c[j] + box.h[j];
+            near[j] = std::min(std::max(q[j], lo[j]), hi[j]);
+            off[j] = near[j] - q[j];
+        }
+        box.low = std::max(known, norm_of(off, n, c_.largest) * (1.0 - 4e-15));
+        std::copy(near, near + n, box.near);
+        double bend[kJoints] = {};
+        for (std::size_t i = 0; i < at.size(); i++) {
+            const SumAt& one = look(i, box.c, box.h);
+            if (!of_slab(q, box, lo, hi, near, one.value, one.g, one.rest)) return false;
+            double steep = 1e-300;
+            for (int j = 0; j < n; j++) steep += std::fabs(one.g[j]) * box.h[j] + one.bend[j];
+            for (int j = 0; j < n; j++) bend[j] = std::max(bend[j], one.bend[j] / steep);
+        }
+        if (at.size() > 1 && !of_combination(q, box, lo, hi, near)) return false;
+        box.widest = 0;
+        double top = -1.0;
+        for (int j = 0; j < n; j++) {
+            const double score = box.h[j] * (bend[j] + 1e-3);
+            if (score > top) top = score, box.widest = j;
+        }
+        return box.low < most && shrink(q, most, lo, hi, box);
     }
 
 private:
     const Conditions& c_;
-    bool largest_;
     std::vector<int> rate_joint_, power_joint_;  // of rates and powers, as numbered in `joints`
 
     // In the maximum norm: to where the least cube around q meets the linearised equation at x,
@@ -208,6 +249,108 @@ private:
             along[j] = (moves ? cube_side(q[j], near[j], lo[j], hi[j], r, up) : near[j]) - x[j];
             step[j] = relax * along[j];
         }
+    }
+
+    bool of_slab(const double* q, Box& box, const double* lo, const double* hi, const double* near,
+                 double value, const double* g, double rest) const {
+        const int n = d();
+        double reach = rest, a0 = value, here = value;
+        for (int j = 0; j < n; j++) {
+            reach += std::fabs(g[j]) * box.h[j];
+            a0 -= g[j] * box.c[j];
+            here += g[j] * (near[j] - box.c[j]);
+        }
+        if (std::fabs(value) > reach * (1.0 + 1e-14)) return false;
+        if (std::fabs(here) <= rest) return true;
+        const double target = here > 0.0 ? rest : -rest;
+        double point[kJoints], bound;
+        if (c_.largest) {
+            const bool upward = here < 0.0;
+            const double r = cube_to_plane(q, lo, hi, g, near, std::fabs(here - target), n, upward);
+            if (r == kInfinity) return false;
+            for (int j = 0; j < n; j++)
+                point[j] = cube_side(q[j], near[j], lo[j], hi[j], r, (g[j] > 0.0) == upward);
+            bound = std::max(r * (1.0 - 1e-12) - 1e-13, 0.0);
+        } else {
+            bound = to_plane(q, lo, hi, g, a0, target, n, point);
+            if (bound == kInfinity) return false;
+        }
+        if (bound > box.low) {
+            box.low = bound;
+            std::copy(point, point + n, box.near);
+        }
+        return true;
+    }
+
+    // The slab of a sum of multiples of the equations, those of the least-norm step from `near`.
+    bool of_combination(const double* q, Box& box, const double* lo, const double* hi,
+                        const double* near) const {
+        const int n = d();
+        const int k = std::min<int>(static_cast<int>(at.size()), kMaxCombined);
+        double y[kMaxCombined];
+        for (int i = 0; i < k; i++) {
+            y[i] = at[i].value;
+            for (int j = 0; j < n; j++) y[i] += at[i].g[j] * (near[j] - box.c[j]);
+        }
+        least_norm([&](int i) { return at[i].g; }, k, n, y, 1e-13, 1e-15);
+        double value = 0.0, rest = 0.0, size = 0.0, g[kJoints] = {};
+        for (int i = 0; i < k; i++) {
+            value += y[i] * at[i].value;
+            rest += std::fabs(y[i]) * (at[i].rest + 1e-15 * at[i].size);
+            size += std::fabs(y[i]) * at[i].size;
+            for (int j = 0; j < n; j++) g[j] += y[i] * at[i].g[j];
+        }
+        if (!(size < 1e300)) return true;
+        return of_slab(q, box, lo, hi, near, value, g, rest);
+    }
+
+    // Shrinks the box to what the slab of each equation and the ball of radius `most` around q
+    // leave; false where that is nothing.
+    bool shrink(const double* q, double most, double* lo, double* hi, Box& box) const {
+        const int n = d();
+        for (const SumAt& one : at) {
+            double reach = 0.0;
+            for (int j = 0; j < n; j++) reach += std::fabs(one.g[j]) * box.h[j];
+            const double slack = one.rest + 4e-16 * (n + 4) * (std::fabs(one.value) + reach);
+            for (int j = 0; j < n; j++) {
+                const double g = std::fabs(one.g[j]), own = g * box.h[j];
+                // g (x_j - c_j) lies within others + slack of -value.
+                const double others = (reach - own) * (1.0 + 1e-14) + slack;
+                if (!(std::fabs(one.value) + others < own * (1.0 - 1e-14) ||
+                      others - std::fabs(one.value) < own * (1.0 - 1e-14)))
+                    continue;
+                const double middle = -one.value / one.g[j], half = others / g;
+                if (!(std::fabs(middle) < 1e200) || !(half < 1e200)) continue;
+                const double edge = 1e-15 * (std::fabs(box.c[j]) + std::fabs(middle) + half);
+                lo[j] = std::max(lo[j], box.c[j] + middle - half - edge);
+                hi[j] = std::min(hi[j], box.c[j] + middle + half + edge);
+                if (lo[j] > hi[j]) return false;
+            }
+        }
+        if (most < kInfinity) {
+            double off[kJoints], total = 0.0;
+            for (int j = 0; j < n; j++) {
+                off[j] = std::min(std::max(q[j], lo[j]), hi[j]) - q[j];
+                total += off[j] * off[j];
+            }
+            for (int j = 0; j < n; j++) {
+                double room = most;
+                if (!c_.largest) {
+                    const double square = most * most - (total - off[j] * off[j]);
+                    room = std::sqrt(std::max(square + 4e-15 * most * most, 0.0));
+                }
+                room = room * (1.0 + 4e-15) + 1e-15 * std::fabs(q[j]);
+                lo[j] = std::max(lo[j], q[j] - room);
+                hi[j] = std::min(hi[j], q[j] + room);
+                if (lo[j] > hi[j]) return false;
+            }
+        }
+        for (int j = 0; j < n; j++) {
+            const double edge = 2.3e-16 * (std::fabs(lo[j]) + std::fabs(hi[j]));
+            box.c[j] = 0.5 * (lo[j] + hi[j]);
+            box.h[j] = 0.5 * (hi[j] - lo[j]) * (1.0 + 1e-15) + edge;
+        }
+        return true;
     }
 };
 

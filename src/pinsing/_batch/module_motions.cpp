@@ -14,7 +14,6 @@ namespace pinsing {
 
 namespace {
 
-using InLinks = nb::ndarray<const std::int32_t, nb::c_contig, nb::device::cpu>;
 constexpr double kNever = -std::numeric_limits<double>::infinity();
 
 template <class Number>
@@ -22,31 +21,6 @@ nb::object handed_over(const std::vector<Number>& numbers) {
     const Made<Number> made({numbers.size()});
     std::copy(numbers.begin(), numbers.end(), made.data);
     return made.array;
-}
-
-// Nodes (D, M) of the pose before at which motions to nodes `here` (M,) begin: those of the same
-// branch, of the same value and the next ones, `whole` nodes of each value if that is not zero; then
-// `steps` values farther on, both ways. `before` (W,), `beside` (2, W), and `last` (2, W) those of
-// the pose before, are neighbours as link_nodes finds them.
-void sources(const InLinks& before, const InLinks& beside, const InLinks& last, const InWhole& here,
-             int whole, OutWhole out) {
-    const std::size_t M = here.size(), W = before.size(), D = M ? out.size() / M : 0;
-    require(beside.size() == 2 * W && last.size() == 2 * W && out.size() == D * M &&
-                (M == 0 || D >= static_cast<std::size_t>(3 + whole)),
-            "nodes and neighbours do not fit");
-    for (std::size_t m = 0; m < M; m++) {
-        const std::int64_t x = here.data()[m];
-        require(x >= 0 && x < static_cast<std::int64_t>(W), "no such node");
-        std::int64_t* to = out.data() + m;
-        const auto put = [&](std::int64_t node) { *to = node, to += M; };
-        std::int32_t ends[2] = {before.data()[x], before.data()[x]};
-        put(ends[0]);
-        for (int side = 0; side < 2; side++) put(before.data()[beside.data()[side * W + x]]);
-        for (int s = 0; s < whole; s++) put(x / whole * whole + s);
-        for (std::size_t d = 3 + whole; d + 1 < D; d += 2)
-            for (int side = 0; side < 2; side++)
-                put(ends[side] = last.data()[side * W + ends[side]]);
-    }
 }
 
 // Motions to parts of nodes, from parts of the nodes `source` (D, M) where theirs began: `part`
@@ -273,7 +247,6 @@ nb::tuple onward_back(Motions& motion, const InWhole& source, const In& through,
 }  // namespace
 
 void add_motions(nb::module_& m) {
-    define(m, "sources", &sources);
     define(m, "divided", &divided);
     nb::class_<Motions> motions(m, "Motions");
     motions.def(nb::init<const In&, const In&, const In&, const In&, const In&, const In&, const In&,

@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include "box_bound.hpp"
+#include "branch.hpp"
 #include "proximity.hpp"
 
 namespace pinsing {
@@ -66,14 +66,12 @@ private:
     // A branch with equations, its joints and the range in which they are looked at.
     struct Part {
         Part(const Conditions& c, int b, double fixed, double slack, const std::vector<double>& target)
-            : b(b), fixed(fixed), least(std::max(fixed - slack, 0.0)), target(target), branch(c, b),
-              bound(branch, c.largest) {}
+            : b(b), fixed(fixed), least(std::max(fixed - slack, 0.0)), target(target), branch(c, b) {}
 
         const int b;
         const double fixed, least;  // how far its values are, and are at least
         const std::vector<double> target;
         Branch branch;
-        BoxBound bound;
         double q[kJoints], lo[kJoints], hi[kJoints];
         double known = kInfinity;  // how far the best point known is, in these joints
         bool cut = false;          // whether points count that lie beyond the range
@@ -238,7 +236,7 @@ private:
         }
         if (part.cut && most > o_.far)  // points count that are not looked at
             best_.lower = std::min(best_.lower, whole(part, o_.far));
-        if (part.bound.look(part.q, 0.0, most, box)) add(part, box);
+        if (part.branch.bound(part.q, 0.0, most, box)) add(part, box);
     }
 
     void split(Part& part, const Box& parent) {
@@ -263,7 +261,7 @@ private:
             box.c[w] += side == 0 ? -box.h[w] : box.h[w];
             box.h[w] *= 1.0 + 4e-16;
             best_.boxes++;
-            if (part.bound.look(part.q, parent.low, known(part), box)) add(part, box);
+            if (part.branch.bound(part.q, parent.low, known(part), box)) add(part, box);
         }
     }
 

@@ -905,12 +905,13 @@ class _Planner:
             return self.edges[k][:, here].astype(np.int64, order="C")
         if (pool := self.pool[k]) is not None:
             return np.repeat(pool[:, None], len(here), axis=1)
-        whole = self.Q.shape[2] * self.long
-        steps = self.window + 1 if len(self.grid) > 1 else 0
-        source = np.empty((3 + whole + 2 * steps, len(here)), dtype=np.int64)
-        links = self.before[k], self.beside[k], self.beside[k - 1]
-        engine.module().sources(*links, here, whole, source)
-        return source
+        whole, ends = self.Q.shape[2] * self.long, [self.before[k, here]] * 2
+        found = [ends[0], *self.before[k][self.beside[k][:, here]]]
+        found += [here // whole * whole + s for s in range(whole)]
+        for _ in range(self.window + 1 if len(self.grid) > 1 else 0):
+            ends = [side[end] for side, end in zip(self.beside[k - 1], ends, strict=True)]
+            found += ends
+        return np.array(found, dtype=np.int64)
 
     def _is_far(self, k: int, here: Ints, source: Ints) -> Bool:
         """Which motions only bound other paths: beyond ``window`` values."""
