@@ -49,7 +49,7 @@ from pinsing.cli.options import (
 )
 from pinsing.cli.output import (
     STDOUT,
-    RunPlace,
+    Place,
     emit,
     emit_json,
     emit_json_data,
@@ -74,21 +74,6 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 RAW_ANGLE_TOL = 1e-10
 """Radians: with --raw, only float noise is taken out of the angles that tests are run on."""
-
-
-def geometry_options(command: F) -> F:
-    """Add ``--raw`` and ``--nominal``; the command gets ``geometry``: "raw", "nominal", "both"."""
-
-    @click.option("--raw", is_flag=True, help="Everything on the numbers of the file as they are.")
-    @click.option(
-        "--nominal", is_flag=True, help="Everything on the nominal geometry: rounding taken out."
-    )
-    @functools.wraps(command)
-    def wrapper(*args: Any, raw: bool, nominal: bool, **rest: Any) -> Any:
-        OptionError.refuse_if(raw and nominal, "--raw and --nominal exclude each other")
-        return command(*args, geometry="raw" if raw else "nominal" if nominal else "both", **rest)
-
-    return wrapper  # type: ignore[return-value]
 
 
 def algebra_options(command: F) -> F:
@@ -157,7 +142,10 @@ def _levels(text: str, option: str, degrees: bool | None) -> tuple[int, ...]:
 
 
 def sweep_options(quiet: bool = False) -> Callable[[F], F]:
-    """Add the options of the sweep; they reach the command as keyword arguments of `sweep`."""
+    """Add the options of the sweep; they reach the command as keyword arguments of `sweep`.
+
+    And as ``geometry``: "raw", "nominal" or "both".
+    """
     # With ``quiet``, the notes of loading are left to the result, which repeats them.
     return functools.partial(_with_sweep_options, quiet=quiet)
 
@@ -191,6 +179,10 @@ def _with_sweep_options(command: F, *, quiet: bool) -> F:
         "--no-prune", is_flag=True, help="Also sweep sets that contain one already found singular."
     )
     @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+    @click.option("--raw", is_flag=True, help="Everything on the numbers of the file as they are.")
+    @click.option(
+        "--nominal", is_flag=True, help="Everything on the nominal geometry: rounding taken out."
+    )
     @functools.wraps(command)
     def wrapper(
         request: RobotRequest,
@@ -202,8 +194,11 @@ def _with_sweep_options(command: F, *, quiet: bool) -> F:
         ignore_limits: bool,
         no_prune: bool,
         seed: int,
+        raw: bool,
+        nominal: bool,
         **rest: Any,
     ) -> Any:
+        OptionError.refuse_if(raw and nominal, "--raw and --nominal exclude each other")
         click.get_current_context().obj = request
         arm = request.load(quiet)
         chosen = chosen_for(
@@ -215,7 +210,8 @@ def _with_sweep_options(command: F, *, quiet: bool) -> F:
             nominal=nominal_q,
         )
         chosen |= {"ignore_limits": ignore_limits, "prune": not no_prune, "seed": seed}
-        return command(arm, chosen, **rest)
+        geometry = "raw" if raw else "nominal" if nominal else "both"
+        return command(arm, chosen, geometry=geometry, **rest)
 
     return wrapper  # type: ignore[return-value]
 
@@ -223,7 +219,6 @@ def _with_sweep_options(command: F, *, quiet: bool) -> F:
 @command("sweep")
 @arm_options
 @sweep_options()
-@geometry_options
 @click.option("--no-keep", is_flag=True, help="Leave the curves out.  [default: kept up to 64 MiB]")
 @click.option(
     "--chunk", type=click.IntRange(min=1), metavar="N", help="Jacobians of a chunk, more or less."
@@ -241,7 +236,7 @@ def sweep_command(
     folder: Path | None,
     no_keep: bool,
     chunk: int | None,
-    place: RunPlace,
+    place: Place,
     json_target: str | Path | None,
     fail_if_singular: bool,
 ) -> int:
@@ -282,7 +277,7 @@ def sweep_command(
     findings: tuple[Finding, ...] = ()
     told = False
     try:
-        with place.options() as where, run_progress() as progress, ctrl_c_afterwards():
+        with place() as where, run_progress() as progress, ctrl_c_afterwards():
             result = run_sweep(
                 swept, plan, progress, keep=keep, chunk=chunk, out=folder, tell=say, **where
             )
@@ -316,7 +311,6 @@ def sweep_command(
 @arm_options
 @sweep_options(quiet=True)
 @algebra_options
-@geometry_options
 @click.option(
     "--random-starts",
     type=click.IntRange(min=0),
@@ -435,7 +429,7 @@ def map_command(
     out: Path | None,
     keep_values: bool,
     chunk: int | None,
-    place: RunPlace,
+    place: Place,
     deg: bool,
     json_target: str | Path | None,
     fail_if_singular: bool,
@@ -469,7 +463,7 @@ def map_command(
 
     result = None
     try:
-        with place.options() as where, run_progress() as progress, ctrl_c_afterwards():
+        with place() as where, run_progress() as progress, ctrl_c_afterwards():
             result = sigma_map(
                 arm, sampling, measure=measure, **chosen, **where, progress=progress, tell=say
             )

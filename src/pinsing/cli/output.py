@@ -23,7 +23,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -43,8 +43,6 @@ from pinsing.errors import (
 from pinsing.prose import Page, is_terminal, safe, shows_colour, visible
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
     from matplotlib.figure import Figure
     from typing_extensions import Buffer
 
@@ -385,6 +383,9 @@ def read_json(path: Path) -> Any:
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+Place = Callable[[], AbstractContextManager[dict[str, Any]]]
+"""Of a run: see `place_options`."""
+
 WORDS = "pinsing.words"
 """Where a context has the words of the command line."""
 
@@ -393,46 +394,40 @@ _REDRAW_SECONDS = 0.1
 _QUIET_SECONDS = 30.0  # between two lines where there is no terminal to draw on
 
 
-@dataclass(frozen=True)
-class RunPlace:
-    """Where a run takes place."""
+@contextlib.contextmanager
+def _run_place(
+    engine: str, threads: int | None, workers: int | None, dask: str | None
+) -> Iterator[dict[str, Any]]:
+    """Keyword arguments of a run, that say where it takes place; its executor ends with the block.
 
-    engine: str  # as of `sigma_map`
-    threads: int | None  # of this process
-    workers: int | None  # processes of this machine
-    dask: str | None  # address of a scheduler
+    With an engine as of `sigma_map`, in threads of this process, in processes of this machine, or
+    at the scheduler of an address.
+    """
+    from pinsing.sampling.execute import second_ctrl_c_ends_process
 
-    @contextlib.contextmanager
-    def options(self) -> Iterator[dict[str, Any]]:
-        """Keyword arguments of a run; the executor ends with the block."""
-        from pinsing.sampling.execute import second_ctrl_c_ends_process
-
-        chosen: dict[str, Any] = {"engine": self.engine}
-        with contextlib.ExitStack() as stack:
-            stack.enter_context(second_ctrl_c_ends_process())
-            if (pool := self._pool(stack)) is None:
-                chosen["threads"] = self.threads
-            else:
-                chosen["executor"], chosen["parallel"] = pool
-            yield chosen
-
-    def _pool(self, stack: contextlib.ExitStack) -> tuple[Executor, int] | None:
-        if self.dask is not None:
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(second_ctrl_c_ends_process())
+        if dask is not None:
             from pinsing.sampling.executors import dask_cluster
 
             stack.enter_context(_only_our_lines())
-            executor, count = stack.enter_context(dask_cluster(self.dask))
-            say(f"{count} dask worker threads at {self.dask}")
-            return executor, count
-        if self.workers is not None:
+            executor, count = stack.enter_context(dask_cluster(dask))
+            say(f"{count} dask worker threads at {dask}")
+            yield {"engine": engine, "executor": executor, "parallel": count}
+        elif workers is not None:
             from pinsing.sampling.executors import local_processes
 
-            return stack.enter_context(local_processes(self.workers))
-        return None
+            executor, count = stack.enter_context(local_processes(workers))
+            yield {"engine": engine, "executor": executor, "parallel": count}
+        else:
+            yield {"engine": engine, "threads": threads}
 
 
 def place_options(command: F) -> F:
-    """Add ``--engine``, ``--threads``, ``--workers``, ``--dask``; passed as ``place``."""
+    """Add ``--engine``, ``--threads``, ``--workers``, ``--dask``; the command gets ``place``.
+
+    It is called for a context, whose value is keyword arguments of a run.
+    """
 
     @click.option(
         "--engine",
@@ -471,7 +466,7 @@ def place_options(command: F) -> F:
         given = [n for n, v in (("threads", threads), ("workers", workers), ("dask", dask)) if v]
         if len(given) > 1:
             raise OptionError(f"--{given[0]} and --{given[1]} exclude each other")
-        return command(*args, place=RunPlace(engine, threads, workers, dask), **rest)
+        return command(*args, place=lambda: _run_place(engine, threads, workers, dask), **rest)
 
     return wrapper  # type: ignore[return-value]
 

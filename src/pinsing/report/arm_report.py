@@ -476,13 +476,14 @@ def write_report(
         given = {key: robot.check_inputs(x) for key, x in poses.items()}
         html, shown = mechanism_report(robot, given, **where)
     on_paper = None if pdf_file is None else printed(html, pdf_file)
-    if beside is not None and shown is not None:
-        write_text(beside, shown)
-    if html_file is not None:
-        write_text(html_file, html)
-    if pdf_file is not None and on_paper is not None:
-        write_bytes(pdf_file, on_paper)
-    return tuple(file for file in (beside, html_file, pdf_file) if file is not None)
+    made = ((beside, shown), (html_file, html), (pdf_file, on_paper))
+    written = [(file, content) for file, content in made if file is not None and content]
+    for file, content in written:
+        if isinstance(content, bytes):
+            write_bytes(file, content)
+        else:
+            write_text(file, content)
+    return tuple(file for file, _ in written)
 
 
 _TONE = {"singular": "alarm", "near-singular": "caution", "regular": "good"}
