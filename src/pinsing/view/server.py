@@ -18,12 +18,12 @@ import html
 import importlib.util
 import ipaddress
 import json
-import os
 import re
 import secrets
 import socket
 import threading
 import time
+import warnings
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import cache
@@ -36,6 +36,7 @@ from urllib.parse import urlsplit
 from tornado.httpserver import HTTPServer
 from tornado.httputil import HTTPInputError, HTTPMessageDelegate
 from tornado.iostream import StreamClosedError
+from tornado.netutil import bind_sockets
 from tornado.web import Application, HTTPError, RequestHandler, stream_request_body
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
@@ -441,37 +442,20 @@ def bind(host: str, port: int | None) -> list[socket.socket]:
     OptionError.refuse_if(
         port is not None and not 0 <= port <= 65535, f"port must be between 0 and 65535, got {port}"
     )
-    problem: OSError | None = None
-    for candidate in [*range(7000, 7100), 0] if port is None else [port]:
-        try:
-            return _listen(host, candidate)
-        except socket.gaierror:
-            raise OptionError(f"there is no address {host!r} to listen on") from None
-        except OSError as error:
-            problem = error
-    reason = (problem.strerror if problem else None) or str(problem)
-    raise OptionError(f"cannot listen on {host} port {port}: {reason}; leave out --port") from None
-
-
-def _listen(host: str, port: int) -> list[socket.socket]:
-    """Sockets on every address that ``host`` stands for, on one port."""
-    sockets: list[socket.socket] = []
-    found = socket.getaddrinfo(host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
-    with contextlib.ExitStack() as opened:
-        for family, kind, protocol, _, address in dict.fromkeys(found):
-            if sockets and port == 0:  # the one that the system chose
-                address = (address[0], sockets[0].getsockname()[1], *address[2:])
-            here = opened.enter_context(Listener(family, kind, protocol))
-            sockets.append(here)
-            if os.name != "nt":
-                here.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            if family == socket.AF_INET6:
-                here.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
-            here.setblocking(False)
-            here.bind(address)
-            here.listen(128)
-        opened.pop_all()  # all of them, or none
-    return sockets
+    problem = ""
+    with warnings.catch_warnings():
+        # Of several addresses the first ones are left to the collector where a later one is taken.
+        warnings.simplefilter("ignore", ResourceWarning)
+        for candidate in [*range(7000, 7100), 0] if port is None else [port]:
+            try:
+                found = bind_sockets(candidate, host)
+            except (socket.gaierror, UnicodeError):
+                raise OptionError(f"there is no address {host!r} to listen on") from None
+            except OSError as error:
+                problem = error.strerror or str(error)
+            else:
+                return [Listener(s.family, s.type, s.proto, s.detach()) for s in found]
+    raise OptionError(f"cannot listen on {host} port {port}: {problem}; leave out --port")
 
 
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
