@@ -110,24 +110,6 @@ class TestAt:
         exact = State.from_json(run("at", "xarm7", "--nominal", *q).stdout)
         assert (raw.status, exact.status) == ("near-singular", "singular")
 
-    def test_likely_degrees_are_questioned(self):
-        q = ("--q", "0,-90,90,0,0,0")
-        commands = [
-            ("at", "ur5", *q),
-            ("line", "ur5", *q, "--to", "0.3,0.2,0.5"),
-            ("postures", "ur5", *q),
-            ("view", "ur5", *q, "-o", "never.html"),
-            ("analyze", "--sweep", "ur5", "--special", "0,90"),
-            ("at", "--suggest", "ur5", "--near", q[1]),
-        ]
-        for words in commands:
-            done = run(*words)
-            assert done.exit_code == 2, words
-            assert "-90 rad is -14.3 turns" in done.stderr or "90 rad is 14.3" in done.stderr, words
-        insisted = run("at", "ur5", *q, "--rad", "-o", "-")
-        assert insisted.exit_code == 0
-        assert State.from_json(insisted.stdout).q[1] == -90
-
     @pytest.mark.slow
     def test_first_lines_are_of_the_same_unit_and_can_be_pasted(self):
         at = run("at", "irb120", "--q", "0,0,0,0,0,0").stdout.splitlines()
@@ -247,9 +229,6 @@ class TestList:
         assert f"unknown robot {word!r}: " in none.stderr
         assert ("did you mean 'ur5'" in none.stderr) == (word == "ur5ee")
 
-    def test_a_name_with_a_slash_is_a_path(self):
-        assert run("families", "ur5e/").stderr == "pinsing: error: ur5e/: no such file\n"
-
     def test_json(self):
         data = json.loads(run("list", "-o", "-").stdout)
         assert data["schema"] == "pinsing/robots/1"
@@ -257,11 +236,6 @@ class TestList:
 
 
 class TestDh:
-    def test_an_option_of_guards_is_refused(self, tmp_path):
-        done = run("export", "ur5e", "--calibration", "c.yaml", "-o", str(tmp_path / "c.urdf"))
-        assert done.exit_code == 2
-        assert "DH table or the name of one alone, not --calibration" in done.stderr
-
     @pytest.mark.slow
     def test_urdf_is_that_of_the_library(self, tmp_path):
         out = tmp_path / "arm.urdf"

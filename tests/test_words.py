@@ -50,7 +50,9 @@ def test_words(name, monkeypatch):
     before = path.read_text()
     lines = [line for line in before.splitlines() if line.startswith("$ pinsing")]
     assert lines
+    there = sorted(FOLDER.rglob("*"))
     now = "\n\n".join(map(said, lines)) + "\n"
+    assert sorted(FOLDER.rglob("*")) == there  # nothing is written
     if os.environ.get("PINSING_WORDS"):
         path.write_text(now)
     else:

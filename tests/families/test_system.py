@@ -222,27 +222,3 @@ def test_the_command_writes_what_the_library_says(tmp_path, forms):
     done, text = wrote("stanford.ms")  # what has no place in the file
     assert "1 = F1, 2 = F2, 3 = F3" in done.stderr
     assert text.startswith("k,c2,s2,d3,c5,s5\n0\n")
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (["-o", "x.txt"], "the name says what to write, by its ending: .json, .cert.json, .sing"),
-        (["--system", "x.txt"], "there is no --system: did you mean -o FILE.sing?"),
-        (["-o", "nowhere/x.sing"], "there is no folder nowhere"),
-        (["--family", "F1"], "--family goes with -o FILE.sing"),
-        (["--symbolic", "all", "-o", "x.sing"], "--symbolic has no --prove, certificate or file"),
-        (["-o", "x.sing", "-o", "x.ms"], "-o x.sing and -o x.ms are files of one kind"),
-        (["-o", "x.sing", "--family", "F7"], "unknown family 'F7'"),
-        (["--loops", "x.yaml", "-o", "x.sing"], "go to -o FILE.json only"),
-    ],
-)
-def test_what_does_not_go_together(tmp_path, monkeypatch, options, said):
-    monkeypatch.chdir(tmp_path)
-    words = ["families", "stanford", "--no-prove", *options]
-    if "--loops" in options:
-        words = ["families", "four_bar", *options]
-    done = run(*words)
-    assert done.exit_code == 2
-    assert said in done.stderr
-    assert not list(tmp_path.iterdir())

@@ -1,17 +1,12 @@
 """Pictures of mechanisms: slices through the workspace by mode, curves, modes side by side."""
 
-from pathlib import Path
-from typing import Any
-
 import matplotlib as mpl
 import numpy as np
 import pytest
-from mechanisms import URDF, shipped
+from mechanisms import shipped
 from tiers import tiered
 from urdf_text import J, Y, frame, loop_text, written
 
-from pinsing.cli.options import joint_values
-from pinsing.cli.show import plot_loops
 from pinsing.errors import OptionError
 from pinsing.loops import home, mechanism_at, mode_of, refine
 from pinsing.loops.closure import Loops, output_pose, planar_dyad
@@ -164,36 +159,6 @@ def test_modes_are_drawn_side_by_side() -> None:
     assert titles[5].startswith("4: ")
     assert "q1 " in titles[5]
     assert figure.subfigs[0].get_suptitle().startswith("At these inputs: 2 assembly modes")
-
-
-# Command ------------------------------------------------------------------------------
-
-
-def run(name: str, out: Path, kind: str, **options: Any) -> None:
-    robot = {"robot": str(URDF / f"{name}.urdf")}
-    plot_loops(URDF / f"{name}.loops.yaml", kind=kind, out=out, dpi=50, **robot, **options)
-
-
-def typed(text: str) -> Any:
-    return joint_values(text, "--q", False)
-
-
-def test_the_command_refuses_what_makes_no_sense(tmp_path: Path) -> None:
-    out = tmp_path / "x.png"
-    with pytest.raises(OptionError, match="--over goes with plot map"):
-        run("five_bar", out, "curves", over=("x", "y"))
-    with pytest.raises(OptionError, match="use map, curves, ellipsoids or modes"):
-        run("five_bar", out, "aspects")
-    with pytest.raises(OptionError, match="--family does not go with plot --loops"):
-        run("five_bar", out, "map", families=("F1",))
-    for name in ("five_bar", "four_bar"):
-        with pytest.raises(OptionError, match="--q does not go with this map"):
-            run(
-                name, out, "map", configurations=[typed("1.0,1.2" if name == "five_bar" else "0.5")]
-            )
-    with pytest.raises(OptionError, match="there is no mode to draw"):
-        run("five_bar", out, "modes", configurations=[typed("1.7453,1.0472")])
-    assert not out.exists()
 
 
 def _upright_arm(folder):

@@ -22,7 +22,7 @@ from tiers import tiered_rows
 
 import pinsing
 from pinsing import plot
-from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
+from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import closed_form
 from pinsing.kinematics.at import at
 from pinsing.kinematics.jacobian import frame_jacobian, singular_values
@@ -404,25 +404,3 @@ def test_a_command_draws_whatever_backend_the_environment_names(tmp_path: Path) 
     )
     assert done.returncode == 0, done.stderr
     assert out.read_bytes().startswith(b"\x89PNG")
-
-
-@pytest.mark.parametrize(
-    ("words", "kind", "match"),
-    [
-        ("map puma560 -o a.png", OptionError, "--over"),
-        ("map puma560 --over q2,q9 -o a.png", UnknownNameError, "q9"),
-        ("along puma560 --q 0,0,0,0,0,0 -o a.png", OptionError, "twice"),
-        ("ellipsoids puma560 -o a.txt", OptionError, "png"),
-        ("curves stanford --fixed q4 -o a.png", OptionError, "JOINT=VALUE"),
-        ("curves stanford --fixed =0 -o a.png", OptionError, "JOINT=VALUE"),
-        ("curves stanford --fixed q9=0 -o a.png", UnknownNameError, "q9"),
-    ],
-)
-def test_the_command_says_what_is_wrong(words, kind, match, tmp_path, monkeypatch):
-    from pinsing.cli.show import plot_command
-
-    monkeypatch.chdir(tmp_path)
-    result = CliRunner().invoke(plot_command, words.split())
-    assert isinstance(result.exception, kind)
-    assert match in str(result.exception)
-    assert not list(tmp_path.iterdir())

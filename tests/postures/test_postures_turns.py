@@ -5,7 +5,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-from command_line import run
 from dh_arms import dh_arm
 
 import pinsing
@@ -151,17 +150,3 @@ def test_a_way_from_what_is_singular_is_not_looked_for():
         assert (way.answer, way.text().splitlines()[0]) == ("undecided", head)
         assert "no path was found" not in way.text()
         assert way.singular == ("F1" * (a is at), "F1" * (b is at))
-
-
-@pytest.mark.parametrize(
-    "words",
-    [["postures", "ur5"], ["at", "ur5"], ["line", "ur5", "--to", "0.1,0.2,0.3"], ["map", "ur5"]],
-)
-def test_of_two_configurations_none_is_dropped(words):
-    twice = ["--q", "0,-1,1,0.1,1,0", "--q", "0,1,1,0.1,1,0"]
-    done = run(*words, *twice)
-    assert done.exit_code == 2
-    assert f"--q was given 2 times; {words[0]} takes one" in done.output
-    done = run("line", "ur5", *twice[:2], "--to", "1,1,1", "--to", "1,2,1")
-    assert done.exit_code == 2
-    assert "--to was given 2 times" in done.output

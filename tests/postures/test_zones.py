@@ -172,32 +172,6 @@ def test_of_a_planar_arm_the_distance_is_that_of_a_fine_grid():
     assert most <= found.common <= 1.06 * most
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (("scara",), "give joint_speeds, --joint-speeds"),
-        (("ur5", "--within", "elbow_joint"), "limits, elbow down, elbow up, shoulder left"),
-        (("ur5", "--within", "elbow sideways"), "it may be limits, elbow down, elbow up"),
-        (("ur5", "--within", "elbow up,elbow down"), "no posture is elbow up and elbow down"),
-        (("ur5", "--within", "elbow up", "--task", "position"), "of the task pose"),
-        (("ur5", "--within", "z=0.1..a"), "'0.1..a' is no range of numbers"),
-        (("ur5", "--within", "elbow_joint=2..1"), "two ascending values"),
-        (("ur5", "--within", "q3=0"), "write JOINT=A..B"),
-        (("ur5", "--within", "q3=60..120"), "over a turn in radians: for degrees add --deg"),
-        (("ur5", "--tip-speed", "-1"), "must be from 0 to 1e6"),
-        (("ur5", "--task", "vx,vy"), "turn with the arm"),
-        (("ur5", "--joint-speeds", "90,90,90,90,90,90"), "for deg/s type 1.571,"),
-        (("ur5", "--joint-speeds", "2,2,2,2,2,2", "--deg"), "for rad/s type 114.6,"),
-        (("ur5", "--turn-speed", "30"), "for deg/s type 0.5236"),
-        (("ur5", "--task", "vx@tip,vy"), "rows in base axes, or tool-axis"),
-    ],
-)
-def test_what_makes_no_sense_is_refused(words, said):
-    done = run("zones", *words)
-    assert done.exit_code == 2
-    assert said in " ".join(done.stderr.split())
-
-
 def test_the_command_says_what_to_keep_and_where():
     words = ["zones", "scara", "--joint-speeds", "5,5,1,10", "--within", "q3=0..0.1"]
     done = run(*words)

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 from arms import textbook
-from click import UsageError
 from click.testing import CliRunner
 
 import pinsing
@@ -307,36 +306,7 @@ def test_the_command_writes_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert frame["title"]
 
 
-@pytest.mark.parametrize(
-    ("words", "kind", "match"),
-    [
-        ("planar3r", UsageError, "Missing option '-o'"),
-        ("planar3r -o r.txt", OptionError, "by its ending: .html"),
-        ("planar3r -o -", OptionError, "give the name of a file"),
-        ("planar3r -o r.pdf -o s.pdf", OptionError, "files of one kind: give one of them"),
-        ("planar3r -o r.html --q 1,2", ConfigurationError, "3"),
-        ("planar3r -o r.html --q a,b,c", ConfigurationError, "not a number"),
-        ("planar3r -o nowhere/r.html", OutputError, "folder"),
-    ],
-)
-def test_what_is_wrong_is_said_and_nothing_is_written(
-    words: str, kind: type[Exception], match: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    result = run(*words.split())
-    error = result.exception
-    if isinstance(error, SystemExit):
-        assert match in result.output
-    else:
-        assert isinstance(error, kind), error
-        assert match in str(error)
-        assert "\n" not in str(error)
-    assert not list(tmp_path.iterdir())
-
-
-def test_without_a_browser_there_is_one_line_and_no_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_browser_there_is_one_line_and_no_file(tmp_path, monkeypatch):
     monkeypatch.setattr("pinsing.view.picture.find_browser", lambda: None)
     with pytest.raises(OutputError, match="needs Chromium"):
         write_report(textbook("planar3r"), tmp_path / "r.html", pdf=tmp_path / "r.pdf")
@@ -344,9 +314,7 @@ def test_without_a_browser_there_is_one_line_and_no_file(
 
 
 @pytest.mark.slow
-def test_a_browser_that_fails_leaves_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_browser_that_fails_leaves_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr("pinsing.view.picture.find_browser", lambda: "/bin/false")
     arm = textbook("planar3r", task="position")
     with pytest.raises(OutputError, match="printed nothing"):

@@ -425,27 +425,6 @@ class TestCommand:
         assert data["plan"]["base"][1] == pytest.approx(math.pi / 3)
         assert data["singular"] == 7  # q5 = 0 at three d3, d3 = 0 at five q5
 
-    @pytest.mark.parametrize(
-        ("words", "text"),
-        [
-            ("--count 1.5", "--count '1.5' is not a whole number"),
-            ("--count many", "not a whole number"),
-            ("--count 2**99", "not a whole number"),
-            ("--sampling grid --steps a=1,2", "not of the form 9 or A=9,B=5"),
-            ("--range 1,2", "not of the form JOINT=LOW,HIGH"),
-            ("--range elbow_joint=1", "needs two values"),
-            ("--keep-values", "give -o FOLDER"),
-            ("--threads 2 --workers 2", "exclude each other"),
-            ("--map-joints elbow", "unknown joint 'elbow'"),
-            ("--engine turbo", "unknown engine 'turbo'"),
-        ],
-    )
-    def test_bad_input_is_one_line(self, words: str, text: str) -> None:
-        done = run("map", "ur5", *words.split())
-        assert done.exit_code == 2
-        assert text in done.stderr
-        assert "Traceback" not in done.output
-
     def test_ctrl_c(self, tmp_path, monkeypatch) -> None:
         seen = []
 
