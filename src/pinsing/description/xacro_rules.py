@@ -14,7 +14,7 @@ from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
-from xml.dom import Node, expatbuilder, minidom
+from xml.dom import expatbuilder
 from xml.dom.minicompat import NodeList
 from xml.parsers import expat
 
@@ -103,6 +103,10 @@ class Builder(expatbuilder.ExpatBuilderNS):
 
 
 _LONGEST_SHOWN = 120
+_WORDS: Mapping[type, str] = {
+    RecursionError: "macros, includes or elements without end (nested too deeply)",
+    MemoryError: "an expression needs too much memory",
+}
 
 
 def explain(error: BaseException, xacro: Any, places: Places) -> dict[str, Any]:
@@ -115,12 +119,8 @@ def explain(error: BaseException, xacro: Any, places: Places) -> dict[str, Any]:
             return {"problem": problem, "file": file, "line": found.lineno}
         if isinstance(found, RefusedAt):
             return {"problem": str(found), "file": found.file, "line": found.line}
-        if isinstance(found, Refused):
-            problem = str(found)
-        elif isinstance(found, RecursionError):
-            problem = "macros, includes or elements without end (nested too deeply)"
-        elif isinstance(found, MemoryError):
-            problem = "an expression needs too much memory"
+        if isinstance(found, Refused | RecursionError | MemoryError):
+            problem = _WORDS.get(type(found), str(found))
         elif isinstance(found, OSError) and found.filename:
             problem = f"cannot open {found.filename}: {found.strerror}"
         said = " ".join(str(found).split()) or type(found).__name__
@@ -140,46 +140,26 @@ def causes(error: BaseException | None) -> Iterator[BaseException]:
         error = getattr(error, "exc", None) or error.__cause__
 
 
-_CHILDREN = frozenset(
-    [Node.ELEMENT_NODE, Node.TEXT_NODE, Node.COMMENT_NODE, Node.CDATA_SECTION_NODE]
-)
-
-
-def replaces(slow: Callable[..., None]) -> Callable[..., None]:
-    """Return what does the same as xacro's ``replace_node``, in one step for all children."""
+def replace_node(node: Any, by: Any, content_only: bool = False) -> None:
+    """Put nodes, or what they hold, in the place of one, as xacro's function of this name does."""
     # Inserted one by one, minidom looks for each place from the first child on: half of the time.
-
-    def replace_node(node: Any, by: Any, content_only: bool = False) -> None:
-        parent = node.parentNode
-        if by is None:
-            sources: list[Any] = []
-        else:
-            sources = list(by) if isinstance(by, list) else [by]
-        new = [c for s in sources for c in s.childNodes] if content_only else sources
-        plain = isinstance(parent, minidom.Element) and (content_only or node not in new)
-        if not plain or any(child.nodeType not in _CHILDREN for child in new):
-            slow(node, by, content_only)
-            return
-        for child in new:
-            if not content_only and child.parentNode is not None:
-                child.parentNode.removeChild(child)
-        if content_only:
-            for source in sources:
-                source.childNodes = NodeList()
-        at = parent.childNodes.index(node)
-        before, after = node.previousSibling, node.nextSibling
-        parent.childNodes[at : at + 1] = new
-        chain = [before, *new, after]
-        for child in new:
-            child.parentNode = parent
-        for one, two in pairwise(chain):
-            if one is not None:
-                one.nextSibling = two
-            if two is not None:
-                two.previousSibling = one
-        node.nextSibling = node.previousSibling = node.parentNode = None
-
-    return replace_node
+    sources = by if isinstance(by, list) else [] if by is None else [by]
+    new = sources
+    if content_only:
+        new = [child for source in sources for child in source.childNodes]
+        for source in sources:
+            source.childNodes = NodeList()
+    siblings = node.parentNode.childNodes
+    at = siblings.index(node)
+    siblings[at : at + 1] = new
+    for child in new:
+        child.parentNode = node.parentNode
+    for one, two in pairwise([node.previousSibling, *new, node.nextSibling]):
+        if one is not None:
+            one.nextSibling = two
+        if two is not None:
+            two.previousSibling = one
+    node.nextSibling = node.previousSibling = node.parentNode = None
 
 
 def _refused(name: str) -> Function:
@@ -232,12 +212,8 @@ class Arguments(dict[str, str]):
 class _Names(dict[str, Any]):
     """Names of ``$(eval ...)``: functions, ``math``, and the arguments themselves."""
 
-    def __init__(self, functions: Mapping[str, Any], argument: Callable[[str], Any]) -> None:
-        super().__init__(functions)
-        self._argument = argument
-
     def __missing__(self, name: str) -> Any:
-        return self._argument(name)
+        return self["arg"].call(name)
 
 
 class Rules:
@@ -281,7 +257,7 @@ class Rules:
         xacro.reqd_attrs, xacro.eval_text = required, follow(evaluated)
         for name in ("eval_all", "grab_property", "process_include", "handle_macro_call"):
             setattr(xacro, name, follow(getattr(xacro, name)))
-        xacro.replace_node = replaces(xacro.replace_node)
+        xacro.replace_node = replace_node
 
     def no_eval(self, *_args: Any, **_options: Any) -> Any:
         """Stand for ``eval`` and its like within xacro."""
@@ -294,20 +270,16 @@ class Rules:
         symbols = self.xacro._global_symbols
         said = ("message", "warning", "error", "print_location")  # they print, and nothing else
         own = {name: symbols["xacro"][name] for name in said} | self.own_functions()
-        spaces: dict[str, Mapping[str, Any]] = {
-            "math": MATH,
-            "python": {**FUNCTIONS, "True": True, "False": False},
-            "xacro": {n: Function(f"xacro.{n}", f) for n, f in own.items()},
-        }
-        for space, known in spaces.items():
-            for name in list(symbols[space]):
-                dict.__setitem__(symbols[space], name, known.get(name, _refused(name)))
-        known = {**spaces["math"], **spaces["python"]}
-        known |= {n: self.deprecated(n, "python", known[n]) for n in ("sorted", "range")}
-        for name in ("load_yaml", "abs_filename", "dotify"):
-            known[name] = self.deprecated(name, "xacro", spaces["xacro"][name])
-        for name in set(symbols) - set(spaces):
-            symbols[name] = known.get(name, _refused(name))
+        known = {**MATH, **FUNCTIONS, "True": True, "False": False}
+        known |= {name: Function(f"xacro.{name}", call) for name, call in own.items()}
+        spaces = ("math", "python", "xacro")
+        for table in (symbols, *(symbols[space] for space in spaces)):
+            for name in {*table} - {*spaces}:
+                dict.__setitem__(table, name, known[name] if name in known else _refused(name))
+        moved = dict.fromkeys(("sorted", "range"), "python")
+        moved |= dict.fromkeys(("load_yaml", "abs_filename", "dotify"), "xacro")
+        for name, space in moved.items():
+            symbols[name] = self.deprecated(name, space, known[name])
 
     def deprecated(self, name: str, space: str, function: Function) -> Function:
         """Return a function that first says what xacro would say."""
@@ -368,7 +340,7 @@ class Rules:
             "find": Function("find", self.find_package),
         }
         try:
-            return str(evaluate(text, _Names(functions, argument), self.kinds))
+            return str(evaluate(text, _Names(functions), self.kinds))
         except Exception as error:  # as xacro does for ${...}: say which expression
             suffix = f"when evaluating expression '{text}'"
             raise self.xacro.XacroException(exc=error, suffix=suffix) from error
@@ -432,11 +404,7 @@ class Rules:
         text = self.read(filename)
         self.xacro.filestack.append(filename)
         try:
-            loader = _Placed(text, filename)
-            if (node := loader.get_single_node()) is None:
-                return None
-            _count(node, filename)
-            value = loader.construct_document(node)
+            value = _Placed(text, filename).get_single_data()
         except yaml.YAMLError as error:
             problem, _, line = yaml_problem(error, text, Path(filename))
             raise RefusedAt(problem, filename, line) from None
@@ -447,11 +415,29 @@ class Rules:
 
 
 class _Placed(Loader):
-    """Tells the file and the line of a value that cannot be made of what stands there."""
+    """Tells the place of a value that cannot be made; refuses what its own references blow up."""
 
     def __init__(self, text: str, file: str) -> None:
         self._file = file
+        self._values, self._held = 0, dict[int, int]()  # in all, and in each node by its id
         super().__init__(text)
+
+    def _refuse_if(self, wrong: object, problem: str, node: yaml.Node) -> None:
+        RefusedAt.refuse_if(wrong, problem, self._file, node.start_mark.line + 1)
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        """Compose one value, and count those that it holds, references followed."""
+        before, again = self._values, self.check_event(yaml.AliasEvent)
+        node = super().compose_node(parent, index)
+        self._refuse_if(again and id(node) not in self._held, "this YAML holds itself", node)
+        self._values += self._held[id(node)] if again else 1
+        self._held[id(node)] = self._values - before
+        many = f"this YAML holds more than {_MOST_YAML_VALUES} values"
+        self._refuse_if(self._values > _MOST_YAML_VALUES, many, node)
+        long = node.tag in _NUMBER_TAGS and len(node.value) > LONGEST_NUMBER
+        too_long = f"a number of {len(node.value):,} characters is too long"
+        self._refuse_if(long, too_long, node)
+        return node
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         """Make one value."""
@@ -462,35 +448,3 @@ class _Placed(Loader):
         except Exception as error:
             written = f"{node.value!r:.60}: " if isinstance(node, yaml.ScalarNode) else ""
             raise RefusedAt(f"{written}{error}", self._file, node.start_mark.line + 1) from None
-
-
-def _count(root: yaml.Node, file: str) -> None:
-    """Refuse YAML that its own references make endless or huge."""
-    sizes: dict[int, int] = {}
-
-    def size(node: yaml.Node) -> int:
-        known, line = sizes.get(id(node)), node.start_mark.line + 1
-        RefusedAt.refuse_if(known == 0, "this YAML holds itself", file, line)
-        if known:
-            return known
-        sizes[id(node)] = 0  # for now
-        RefusedAt.refuse_if(
-            node.tag in _NUMBER_TAGS and len(node.value) > LONGEST_NUMBER,
-            f"a number of {len(node.value):,} characters is too long",
-            file,
-            line,
-        )
-        parts = [] if isinstance(node, yaml.ScalarNode) else node.value
-        if isinstance(node, yaml.MappingNode):
-            parts = [part for pair in parts for part in pair]
-        total = 1 + sum(map(size, parts))
-        RefusedAt.refuse_if(
-            total > _MOST_YAML_VALUES,
-            f"this YAML holds more than {_MOST_YAML_VALUES} values",
-            file,
-            line,
-        )
-        sizes[id(node)] = total
-        return total
-
-    size(root)
