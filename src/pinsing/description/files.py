@@ -27,12 +27,14 @@ from __future__ import annotations
 import contextlib
 import fnmatch
 import glob
+import itertools
 import json
 import os
 import re
 import sys
 import threading
-from collections.abc import Mapping
+import time
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -117,7 +119,8 @@ class PackageIndex:
     def find(self, name: str) -> Path | None:
         """Return the folder of a package, None where there is none."""
         if name not in self._found:
-            self._found[name] = self._search(name) if _NAME.fullmatch(name) else None
+            places = self._places(name) if _NAME.fullmatch(name) else ()
+            self._found[name] = next((folder for folder in places if folder.is_dir()), None)
         return self._found[name]
 
     def used(self) -> tuple[Path, ...]:
@@ -128,50 +131,35 @@ class PackageIndex:
         """Return the folders of packages that the user's environment names."""
         return tuple(folder for folder in self._environment if folder.is_absolute())
 
-    def _search(self, name: str) -> Path | None:
+    def _places(self, name: str) -> Iterator[Path]:
+        """Yield the folders that the package of a name may be, if they are there, in order."""
         if name in self.given:
-            return self.given[name] if self.given[name].is_dir() else None
+            yield self.given[name]
+            return
         for entry in self._ros:
-            if _is_package(entry, name) or (entry.name == name and entry.is_dir()):
-                return entry
-            if (entry / name).is_dir():
-                return entry / name
+            if _is_package(entry, name) or entry.name == name:
+                yield entry
+            yield entry / name
             with contextlib.suppress(OSError):
-                for file in sorted(entry.glob("*/package.xml")):
-                    if _is_package(file.parent, name):
-                        return file.parent
-        for prefix in self._ament:
-            if (prefix / "share" / name).is_dir():
-                return prefix / "share" / name
-        return self._search_upward(name)
-
-    def _search_upward(self, name: str) -> Path | None:
+                inner = [file.parent for file in sorted(entry.glob("*/package.xml"))]
+                yield from (folder for folder in inner if _is_package(folder, name))
+        yield from (prefix / "share" / name for prefix in self._ament)
         for level, folder in enumerate(self._ancestors):
-            known = not self._named or folder == self.own_folder
-            if _is_package(folder, name) or (known and folder.name == name):
-                return folder
-            sibling = folder / name
-            if self._named and folder != self.own_folder:
-                if _is_package(sibling, name):
-                    return sibling
-                continue
-            if sibling.is_dir() and (
-                level < _LEVELS_UP_UNNAMED or (sibling / "package.xml").is_file()
-            ):
-                return sibling
-        return None
+            own, sibling = not self._named or folder == self.own_folder, folder / name
+            if _is_package(folder, name) or (own and folder.name == name):
+                yield folder
+            near = level < _LEVELS_UP_UNNAMED or (sibling / "package.xml").is_file()
+            if _is_package(sibling, name) or (own and near):
+                yield sibling
 
     @cached_property
     def _ancestors(self) -> tuple[Path, ...]:
-        # Never the file system's root, nor the home folder: their children are not packages.
         if self.file is None:
             return ()
-        folders = []
-        for folder in list(self.file.parents)[:_LEVELS_UP]:
-            if folder in (self._home, Path(folder.anchor)):
-                break
-            folders.append(folder)
-        return tuple(folders)
+        # Never the file system's root, nor the home folder: their children are not packages.
+        ends = (self._home, Path(self.file.anchor))
+        parents = self.file.parents[:_LEVELS_UP]
+        return tuple(itertools.takewhile(lambda folder: folder not in ends, parents))
 
     @cached_property
     def own_folder(self) -> Path | None:
@@ -210,21 +198,14 @@ class PackageIndex:
         path = self.mesh(uri)
         if path.suffix.lower() == ".dae":
             try:
-                for name in image_references(path):
-                    self.image(path.parent / name)  # as the viewer finds it
+                names = image_references(path)
             except OSError as error:
                 raise MeshProblem(str(error)) from error
+            for name in names:
+                self._require_image(path.parent / name)  # as the viewer finds it
         return path
 
-    def _inside(self, path: Path, otherwise: str) -> Path:
-        """Return where a path leads, which must be within the robot's folders."""
-        real = path.resolve()
-        roots = [root.resolve() for root in self.roots()]
-        MeshProblem.refuse_if(not any(real.is_relative_to(root) for root in roots), otherwise)
-        return real
-
-    def image(self, path: Path) -> None:
-        """Refuse an image that a mesh refers to, unless it is one within the robot's folders."""
+    def _require_image(self, path: Path) -> None:
         try:
             real = self._inside(path, "refers to a file outside the robot's folders")
         except (OSError, RuntimeError, ValueError) as error:
@@ -232,6 +213,12 @@ class PackageIndex:
         MeshProblem.refuse_if(
             real.suffix.lower() not in _IMAGE_SUFFIXES, "refers to a file that is no image"
         )
+
+    def _inside(self, path: Path, otherwise: str) -> Path:
+        """Return where a path leads, which must be within the robot's folders."""
+        real = path.resolve()
+        MeshProblem.refuse_if(not is_below(real, self.roots()), otherwise)
+        return real
 
     def _locate(self, uri: str) -> Path:
         scheme, separator, rest = uri.partition("://")
@@ -256,6 +243,11 @@ class PackageIndex:
         """Return the folders that the robot's files may be in."""
         own = () if self.own_folder is None else (self.own_folder,)
         return (*own, *self.given.values(), *self._more_roots, *self.used())
+
+
+def is_below(real: Path, folders: Iterable[Path]) -> bool:
+    """Return True for a resolved path within one of some folders, links resolved."""
+    return any(real.is_relative_to(folder.resolve()) for folder in folders)
 
 
 def _folders(variable: str) -> list[Path]:
@@ -391,17 +383,21 @@ class Shapes:
         for material in root.findall("material"):
             if not len(material):
                 root.remove(material)
-        missing = {uri: path for uri, path in seen.items() if not isinstance(path, Path)}
-        absent = {uri: path for uri, path in missing.items() if isinstance(path, MissingMesh)}
-        refused = {uri: path for uri, path in missing.items() if uri not in absent}
-        notes = tuple(
-            f"{len(some)} of {len(seen)} mesh files {lead} and not drawn, as "
-            f"{show(next(iter(some)), 90)} ({next(iter(some.values()))})"
-            for lead, some in (("not opened", refused), ("not found", absent))
-            if some
-        )
+        missing = {
+            uri: problem for uri, problem in seen.items() if isinstance(problem, MeshProblem)
+        }
+        notes = []
+        for lead, absent in (("not opened", False), ("not found", True)):
+            some = [
+                u for u, problem in missing.items() if isinstance(problem, MissingMesh) == absent
+            ]
+            if some:
+                notes.append(
+                    f"{len(some)} of {len(seen)} mesh files {lead} and not drawn, as "
+                    f"{show(some[0], 90)} ({missing[some[0]]})"
+                )
         xml = ElementTree.tostring(root, "unicode")
-        return FoundMeshes(xml, tuple(missing), self.index.used(), notes)
+        return FoundMeshes(xml, tuple(missing), self.index.used(), tuple(notes))
 
     def __getstate__(self) -> dict[str, object]:
         return {"text": self.text, "index": self.index, "found": self.found}
@@ -438,10 +434,10 @@ def _variable(name: str) -> str | None:
 
 
 class XacroFiles:
-    """Answers the questions of one xacro process, by files of at most ``largest`` bytes."""
+    """Answers the questions of one xacro process."""
 
-    def __init__(self, index: PackageIndex, largest: int) -> None:
-        self.index, self.largest = index, largest
+    def __init__(self, index: PackageIndex) -> None:
+        self.index = index
         self._left, self._questions = _MOST_BYTES, _MOST_FILES
 
     def answer(self, question: dict[str, Any]) -> dict[str, Any]:
@@ -511,9 +507,9 @@ class XacroFiles:
             raise _Denied(self._outside(str(path)))
         _Denied.refuse_if(real.exists() and not real.is_file(), f"{path} is not a plain file")
         with real.open("rb") as stream:
-            data = stream.read(self.largest + 1)
-        most = f"{self.largest // 2**20} MiB"
-        _Denied.refuse_if(len(data) > self.largest, f"{path} is larger than {most}")
+            data = stream.read(MAX_BYTES + 1)
+        most = f"{MAX_BYTES // 2**20} MiB"
+        _Denied.refuse_if(len(data) > MAX_BYTES, f"{path} is larger than {most}")
         self._left -= len(data)
         most = f"{_MOST_BYTES // 2**20} MiB"
         _Denied.refuse_if(self._left < 0, f"more than {most} of files are asked for")
@@ -525,9 +521,7 @@ class XacroFiles:
     def _real(self, path: Path) -> Path | None:
         """Return where a path leads, None where that may not be read."""
         real = path.resolve()
-        if path == self.index.file or any(
-            real.is_relative_to(root.resolve()) for root in self.index.roots()
-        ):
+        if path == self.index.file or is_below(real, self.index.roots()):
             return real
         plain = Path(os.path.normpath(path))
         named = (*self.index.given.values(), *self.index.environment())
@@ -584,7 +578,7 @@ def expand_xacro(
         "memory": MEMORY,
         "wall": _WALL,
     }
-    answer = _converse(path, request, XacroFiles(index, MAX_BYTES))
+    answer = _converse(path, request, XacroFiles(index))
     if "problem" in answer:
         file = answer.get("file")
         same = file is None or os.path.abspath(file) == request["path"]
@@ -620,13 +614,8 @@ def _converse(path: Path, request: dict[str, Any], files: XacroFiles) -> dict[st
         )
     except OSError as error:
         raise RobotFileError(f"xacro cannot be started: {error.strerror}", path) from error
-    late = threading.Event()
-
-    def stop() -> None:
-        late.set()
-        child.kill()
-
-    clock = threading.Timer(TIMEOUT_SECONDS * _PATIENCE, stop)
+    began, patience = time.monotonic(), TIMEOUT_SECONDS * _PATIENCE
+    clock = threading.Timer(patience, child.kill)
     clock.daemon = True
     clock.start()
     answer: dict[str, Any] | None = None
@@ -653,7 +642,7 @@ def _converse(path: Path, request: dict[str, Any], files: XacroFiles) -> dict[st
     if answer is not None:
         return answer
     RobotFileError.refuse_if(
-        late.is_set() or code in child_jail.OUT_OF_TIME,
+        time.monotonic() - began > patience or code in child_jail.OUT_OF_TIME,
         f"xacro does not end within {TIMEOUT_SECONDS} s: expand it by hand (xacro FILE) "
         "and give the result",
         path,
