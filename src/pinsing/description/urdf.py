@@ -11,6 +11,7 @@ import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Literal, NamedTuple, cast, get_args
 
@@ -91,13 +92,20 @@ def check_joint(node: Node, source: UrdfSource) -> tuple[JointEntry, Node]:
     source.refuse_if(
         name == "universe", f"{what}: the name is Pinocchio's own: rename the joint", node
     )
-    kind = _kind(node, source, what)
+    kind = source.attribute(node, "type", what)
+    if kind not in KINDS:
+        hint = suggestion(kind.strip().lower(), KINDS)
+        raise source.error(f"{what}: unknown type {show(kind)}: {hint}", node)
     _check_spelling(node, source, what)
-    parent, child = (_end(node, source, what, tag) for tag in ("parent", "child"))
+    ends: dict[str, str] = {}
+    for tag in ("parent", "child"):
+        if (element := source.one(node, tag, what)) is None:
+            raise source.error(f'{what} has no <{tag} link="..."/>', node)
+        ends[tag] = source.attribute(element, "link", what)
     clean = Node("joint", {"name": name, "type": kind}, node.line)
     clean.children += source.origin(node, what)
-    clean.children += [Node("parent", {"link": parent}, 0), Node("child", {"link": child}, 0)]
-    entry = JointEntry(name, kind, parent, child, line=source.line(node))
+    clean.children += [Node(tag, {"link": link}, 0) for tag, link in ends.items()]
+    entry = JointEntry(name, cast(JointKind, kind), **ends, line=source.line(node))
     if kind in ("fixed", "floating"):
         return entry, clean
 
@@ -137,20 +145,6 @@ def _check_spelling(node: Node, source: UrdfSource, what: str) -> None:
                 sort = "element" if known is None else f"attribute of <{child.tag}>"
                 said = f"{what}: unknown {sort} {show(name)}: did you mean {show(meant[0])}?"
                 raise source.error(said, child)
-
-
-def _kind(node: Node, source: UrdfSource, what: str) -> JointKind:
-    kind = source.attribute(node, "type", what)
-    if kind not in KINDS:
-        hint = suggestion(kind.strip().lower(), KINDS)
-        raise source.error(f"{what}: unknown type {show(kind)}: {hint}", node)
-    return cast(JointKind, kind)
-
-
-def _end(node: Node, source: UrdfSource, what: str, tag: str) -> str:
-    if (element := source.one(node, tag, what)) is None:
-        raise source.error(f'{what} has no <{tag} link="..."/>', node)
-    return source.attribute(element, "link", what)
 
 
 def _axis(
@@ -236,7 +230,8 @@ def _dynamics(node: Node, source: UrdfSource, what: str, name: str) -> list[Node
         return []
     clean = _only_numbers(element)
     try:
-        source.values(clean, what, _LARGEST_EVER)
+        values = source.values(clean, what, _LARGEST_EVER)
+        source.refuse_if(any(min(of) < 0 for of in values.values()), "negative", element)
     except RobotFileError:
         source.note("unreadable <dynamics> left out (not needed here) in joint", show(name))
         return []
@@ -261,35 +256,29 @@ def check_mimics(
     """Return the entries with every mimic resolved."""
     # One that follows an unknown or immovable joint keeps a ``problem`` and loses its mimic.
     by_name = {entry.name: entry for entry in entries}
-    leader = {entry.name: entry.mimic.joint for entry in entries if entry.mimic is not None}
-    resolved: list[JointEntry] = []
-    ends: set[str] = set()  # joints from which the way ends at one that moves by itself
-    for entry, element in zip(entries, elements, strict=True):
-        way: dict[str, None] = {}
-        last = entry.name
-        while last in leader and last not in ends and last not in way:
-            way[last] = None
-            last = leader[last]
-        source.refuse_if(
-            last in way,
-            f"<mimic> without end: joint {' follows '.join(map(show, (*way, last)))}",
-            element,
-        )
-        ends.update(way)
+    places = dict(zip(by_name, elements, strict=True))
+    follows = {entry.name: [entry.mimic.joint] for entry in entries if entry.mimic is not None}
+    try:
+        TopologicalSorter(follows).prepare()
+    except CycleError as error:
+        ring = error.args[1][::-1]
+        said = f"<mimic> without end: joint {' follows '.join(map(show, ring))}"
+        raise source.error(said, places[ring[0]]) from None
+    for entry in entries:
         followed = None if entry.mimic is None else by_name.get(entry.mimic.joint)
-        resolved.append(entry)
         if entry.mimic is None or (followed is not None and followed.kind in _FOLLOWED):
             continue
         # Two of the robots in example-robot-data have such fingers.
-        near = list(by_name) if len(by_name) <= 500 and followed is None else []
+        near = [e.name for e in entries] if len(entries) <= 500 and followed is None else []
         close = difflib.get_close_matches(entry.mimic.joint[:60], near, n=1)
         which = "does not exist" if followed is None else f"is {followed.kind}"
         cure = f"did you mean {show(close[0])}?" if close else "correct the name"
         reason = f"mimics joint {show(entry.mimic.joint)}, which {which}: {cure}"
         source.note("mimics a joint that does not exist or move: joint", show(entry.name))
+        element = places[entry.name]
         element.children[:] = [c for c in element.children if c.tag != "mimic"]
-        resolved[-1] = replace(entry, mimic=None, problem=entry.problem or reason)
-    return tuple(resolved)
+        by_name[entry.name] = replace(entry, mimic=None, problem=entry.problem or reason)
+    return tuple(by_name.values())
 
 
 def check_link(node: Node, source: UrdfSource) -> tuple[str, Node]:
@@ -441,24 +430,19 @@ def check_tree(
                 node,
             )
         parent_joint[joint.child] = joint
-    depth: dict[str, int] = {}
-    for link in links:
-        above: dict[str, None] = {}
-        last = link
-        while last in parent_joint and last not in depth and last not in above:
-            above[last] = None
-            last = parent_joint[last].parent
-        if last in above:
-            ring = list(above)
-            loop = [parent_joint[name] for name in reversed(ring[ring.index(last) :])]
-            named = ", ".join(show(j.name) for j in loop[:6]) + ", ..." * bool(loop[6:])
-            raise source.error(
-                f"joints {named} form a loop: a URDF is a tree, so take one out (a closed loop "
-                "is declared in a loop file beside it)",
-                nodes[joints.index(loop[0])],
-            )
-        start = depth.setdefault(last, 0)
-        depth |= {name: start + k for k, name in enumerate(reversed(above), 1)}
+    above = {joint.child: [joint.parent] for joint in joints}
+    depth = dict.fromkeys(links, 0)
+    try:
+        for link in TopologicalSorter(above).static_order():
+            depth[link] = max([depth[parent] + 1 for parent in above.get(link, ())], default=0)
+    except CycleError as error:
+        loop = [parent_joint[link] for link in error.args[1][1:]]
+        named = ", ".join(show(j.name) for j in loop[:6]) + ", ..." * bool(loop[6:])
+        raise source.error(
+            f"joints {named} form a loop: a URDF is a tree, so take one out (a closed loop "
+            "is declared in a loop file beside it)",
+            nodes[joints.index(loop[0])],
+        ) from None
     roots = [link for link in links if link not in parent_joint]
     named = ", ".join(show(link) for link in roots[:5]) + ", ..." * bool(roots[5:])
     source.refuse_if(
