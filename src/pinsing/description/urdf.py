@@ -105,7 +105,9 @@ def check_joint(node: Node, source: UrdfSource) -> tuple[JointEntry, Node]:
     clean = Node("joint", {"name": name, "type": kind}, node.line)
     clean.children += source.origin(node, what)
     clean.children += [Node(tag, {"link": link}, 0) for tag, link in ends.items()]
-    entry = JointEntry(name, cast(JointKind, kind), **ends, line=source.line(node))
+    entry = JointEntry(
+        name, cast(JointKind, kind), ends["parent"], ends["child"], line=source.line(node)
+    )
     if kind in ("fixed", "floating"):
         return entry, clean
 

@@ -22,14 +22,12 @@ from pinsing.robot.models import (
     choose_tip,
     couple,
     coupled_limits,
+    cut_out,
     frame_index,
     joint_path,
     leader_of,
-    lock_joints,
     locked_at,
     long_chain_note,
-    reroot,
-    turned_round,
     way_between,
 )
 from pinsing.robot.mujoco import given_mujoco
@@ -304,11 +302,7 @@ def _build(
     if off_path:
         joints = f"{len(off_path)} joint{'s' * (len(off_path) != 1)}"
         notes += (f"locked outside the chain, without effect on it: {joints}",)
-    reduced, _ = lock_joints(model, lock, reference, pin.GeometryModel())
-    if any(j in way.up for j in kept):
-        reduced, _ = turned_round(reduced, *[frame_index(reduced, name) for name in ends])
-    elif base != "universe":
-        reroot(reduced, base)
+    reduced, _ = cut_out(model, kept, reference, frame_index(model, base))
     names = list(reduced.names)[1:]
     independent = [n for n in names if n not in leaders]
     coupling = None

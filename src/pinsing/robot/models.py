@@ -517,82 +517,80 @@ def build_model(description: Description) -> pin.Model:
         raise RobotFileError(f"Pinocchio cannot build it: {error}", description.path) from None
 
 
-def lock_joints(
-    model: pin.Model, lock: Sequence[int], reference: Array, geometry: pin.GeometryModel
-) -> tuple[pin.Model, pin.GeometryModel]:
-    """Return a model and its geometry without joints to lock, which are as in ``reference`` (nq,).
-
-    Pinocchio's ``buildReducedModel`` finds a joint's frame by name alone: so each joint gets a
-    frame before all others, and meanwhile frames have numbers for names.
-    """
-    model = model.copy()
-    if not lock:
-        return model, geometry
-    names = list(model.names)
-    missing = [j for j in range(1, len(names)) if not model.existFrame(names[j], _JOINT)]
-    for joint in missing:
-        model.addJointFrame(joint, 0)
-    if missing:
-        others = [pin.Frame(frame) for frame in list(model.frames)[1:]]
-        others.sort(key=lambda frame: frame.type != _JOINT)  # stable
-        for number, frame in enumerate(others, 1):
-            frame.parentFrame = 0  # the numbers have changed, and nothing here needs them
-            model.frames[number] = frame
-    names = [frame.name for frame in model.frames]
-    for number, frame in enumerate(list(model.frames)[1:], 1):
-        own = frame.type == _JOINT and frame.name == model.names[frame.parentJoint]
-        if own:
-            model.names[frame.parentJoint] = f"{number}"
-        frame.name = f"{number}"
-    reduced, geometry = pin.buildReducedModel(model, geometry, list(lock), reference)
-    for joint in range(1, reduced.njoints):
-        reduced.names[joint] = names[int(reduced.names[joint])]
-    for frame in list(reduced.frames)[1:]:
-        frame.name = names[int(frame.name)]
-    return reduced, geometry
-
-
-def reroot(model: pin.Model, base: str) -> None:
-    """Make the frame ``base``, which is fixed to the universe, the world of ``model``."""
-    back = model.frames[frame_index(model, base)].placement.inverse()
-    for joint in range(1, model.njoints):
-        if model.parents[joint] == 0:
-            model.jointPlacements[joint] = back * model.jointPlacements[joint]
-    for frame in model.frames:
-        if frame.parentJoint == 0:
-            frame.placement = back * frame.placement
-
-
-def turned_round(
-    model: pin.Model, base: int, tip: int | None = None
+def cut_out(
+    model: pin.Model, keep: Collection[int], reference: Array, base: int = 0
 ) -> tuple[pin.Model, dict[int, tuple[int, pin.SE3]]]:
-    """Return the model with frame ``base`` as the world, and the joint that carries each body."""
-    # Every joint has one degree of freedom and lies between base and ``tip``, a frame to keep. The
-    # dictionary has, for each joint of ``model``, the joint that carries its body, and where.
+    """Return the model of the joints ``keep`` with frame ``base`` as the world, and what carries.
+
+    The other joints are locked as in ``reference`` (nq,). Joints from the base towards the root,
+    which have one degree of freedom each, are turned round. The dictionary has, for each joint of
+    ``model``, the joint of the new model that carries its body, and where.
+    """
     out = pin.Model()
     out.name = model.name
-    frame = model.frames[base]
+    parents = list(model.parents)
     carried: dict[int, tuple[int, pin.SE3]] = {}
+    frame, turned = model.frames[base], False
     carrier, place, joint = 0, frame.placement.inverse(), int(frame.parentJoint)
     while joint:
         carried[joint] = carrier, place
-        back, turn = _opposite(model, joint)
-        carrier = add_joint(out, carrier, back, place * turn, model, joint)
-        place = (model.jointPlacements[joint] * turn).inverse()
-        joint = int(model.parents[joint])
+        if joint in keep:
+            back, turn = _opposite(model, joint)
+            carrier, turned = add_joint(out, carrier, back, place * turn, model, joint), True
+            place = (model.jointPlacements[joint] * turn).inverse()
+        else:
+            place = place * _locked_place(model, joint, reference).inverse()
+        joint = parents[joint]
     carried[0] = carrier, place
     for joint in range(1, model.njoints):
         if joint in carried:
             continue
-        carrier, place = carried[int(model.parents[joint])]
-        place = place * model.jointPlacements[joint]
-        number = add_joint(out, carrier, model.joints[joint], place, model, joint)
-        carried[joint] = number, pin.SE3.Identity()
-    if tip is not None:
-        end = model.frames[tip]
-        carrier, place = carried[int(end.parentJoint)]
-        out.addFrame(pin.Frame(end.name, carrier, 0, place * end.placement, end.type))
+        carrier, place = carried[parents[joint]]
+        if joint in keep:
+            place = place * model.jointPlacements[joint]
+            number = add_joint(out, carrier, model.joints[joint], place, model, joint)
+            carried[joint] = number, pin.SE3.Identity()
+        else:
+            carried[joint] = carrier, place * _locked_place(model, joint, reference)
+    for joint, (carrier, place) in carried.items():
+        out.appendBodyToJoint(carrier, model.inertias[joint], place)
+    _carry_frames(model, out, carried, keep, not turned)
     return out, carried
+
+
+def _locked_place(model: pin.Model, joint: int, reference: Array) -> pin.SE3:
+    """Where a joint puts its body in the one before, in a configuration (nq,)."""
+    data = model.joints[joint].createData()
+    model.joints[joint].calc(data, reference)
+    return model.jointPlacements[joint] * data.M
+
+
+def _carry_frames(
+    model: pin.Model,
+    out: pin.Model,
+    carried: Mapping[int, tuple[int, pin.SE3]],
+    keep: Collection[int],
+    with_parents: bool,
+) -> None:
+    """Give a model that was cut out the frames of the other, after those of its joints."""
+    numbers = [0]
+    for frame in list(model.frames)[1:]:
+        joint = int(frame.parentJoint)
+        carrier, place = carried[joint]
+        moves = frame.type == _JOINT and joint in keep
+        if moves and frame.name == model.names[joint]:
+            numbers.append(out.getFrameId(frame.name, _JOINT))
+            continue
+        kind = pin.FrameType.FIXED_JOINT if frame.type == _JOINT and not moves else frame.type
+        # Named by their numbers first: of two that now have a name and type, both are kept.
+        made = pin.Frame(f"{len(numbers)}", carrier, 0, place * frame.placement, kind)
+        numbers.append(out.addFrame(made, False))
+        out.frames[numbers[-1]].name = frame.name
+    for frame, number in zip(model.frames, numbers, strict=True):
+        # What is fixed to a locked joint begins there: where that is, its values say.
+        begins = frame.type == _JOINT and frame.parentJoint not in keep
+        if with_parents and not begins:
+            out.frames[number].parentFrame = numbers[frame.parentFrame]
 
 
 def add_joint(

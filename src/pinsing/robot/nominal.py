@@ -81,17 +81,16 @@ def with_fixed_joints_put(
     """Return placements (R, t), rotations of fixed joints by ``put(i, R)`` where it is not None."""
     raw, model = flatten(arm), arm.model
     R, t = raw.R.copy(), raw.t.copy()
-    own = {f.parentJoint: f.parentFrame for f in model.frames if f.type == pin.FrameType.JOINT}
+    joint = pin.FrameType.JOINT
+    own = {f.parentJoint: f.parentFrame for f in model.frames if f.type == joint}
     before = np.eye(3)
     for i in range(raw.n + 1):
         tip = model.frames[arm.tip_id]
         at = own.get(i + 1, 0) if i < raw.n else tip.parentFrame
         place = model.jointPlacements[i + 1] if i < raw.n else tip.placement
         composed = [place]
-        while (here := model.frames[at]).parentJoint == i and here.type != pin.FrameType.JOINT:
+        while at and (here := model.frames[at]).parentJoint == i and here.type != joint:
             composed.append(here.placement)
-            if here.parentFrame >= at:  # the universe, or a locked joint: Pinocchio's own parent
-                break
             at = here.parentFrame
         made, last, moved = pin.SE3.Identity(), pin.SE3.Identity(), False
         for here in reversed(composed):

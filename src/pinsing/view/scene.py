@@ -27,7 +27,7 @@ from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.measures import Array, ArrayLike, NDArray, pure_ellipsoids
 from pinsing.robot.arm import Arm
 from pinsing.robot.mechanism import Mechanism
-from pinsing.robot.models import frame_index, joint_axis, lock_joints, turned_round
+from pinsing.robot.models import cut_out, frame_index, joint_axis
 from pinsing.view.collada import Painted
 from pinsing.view.meshes import Mesh, read_geometry
 
@@ -273,23 +273,15 @@ def _read_links(arm: Arm | Mechanism) -> Links:
         said = f"its meshes cannot be read, so a skeleton stands for it: {reason}"
         return Links(None, (*absent, said))
     notes = (*absent, *notes)
-    where = source.full_model, source.locked, source.reference
-    reduced, geometry = lock_joints(*where, whole)
-    base = frame_index(reduced, source.base)
-    if reduced.frames[base].parentJoint:
-        _, carried = turned_round(reduced, base)
-        for g in geometry.geometryObjects:
-            carrier, place = carried[int(g.parentJoint)]
-            g.parentJoint, g.placement = carrier, place * g.placement
-        return Links(geometry, notes, meshes)
-    back = base_placement(arm).inverse()
-    for g in geometry.geometryObjects:
-        joint = int(g.parentJoint)
-        # Joints are found again by name: the arm has them in an order of its own.
-        g.parentJoint = arm.model.getJointId(reduced.names[joint]) if joint else 0
-        if not joint:
-            g.placement = back * g.placement
-    return Links(geometry, notes, meshes)
+    model = source.full_model
+    moving = set(range(1, model.njoints)).difference(source.locked)
+    cut, carried = cut_out(model, moving, source.reference, frame_index(model, source.base))
+    for g in whole.geometryObjects:
+        joint, place = carried[int(g.parentJoint)]
+        # Joints are found again by name: a mechanism has them in an order of its own.
+        g.parentJoint = arm.model.getJointId(cut.names[joint]) if joint else 0
+        g.placement = place * g.placement
+    return Links(whole, notes, meshes)
 
 
 def base_placement(arm: Arm | Mechanism, full_q: Array | None = None) -> pin.SE3:
