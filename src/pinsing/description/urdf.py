@@ -438,7 +438,9 @@ def check_tree(
         for link in TopologicalSorter(above).static_order():
             depth[link] = max([depth[parent] + 1 for parent in above.get(link, ())], default=0)
     except CycleError as error:
-        loop = [parent_joint[link] for link in error.args[1][1:]]
+        ring = error.args[1][1:]
+        start = ring.index(min(ring, key=links.index)) + 1
+        loop = [parent_joint[link] for link in ring[start:] + ring[:start]]
         named = ", ".join(show(j.name) for j in loop[:6]) + ", ..." * bool(loop[6:])
         raise source.error(
             f"joints {named} form a loop: a URDF is a tree, so take one out (a closed loop "
