@@ -22,7 +22,7 @@ from flint import Ordering, acb, arb, ctx, fmpq, fmpz_mat, fmpz_mpoly_ctx, fmpz_
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import fourier
-from pinsing.algebra.ring import Poly, Ring, Value, coefficients_by, terms_of
+from pinsing.algebra.ring import Poly, Ring, Value, coefficients_by, terms_of, whole_terms
 from pinsing.errors import Refusal
 from pinsing.robot.surd import SQUARES, Exact, Surd, parts_of, surd
 
@@ -141,7 +141,7 @@ def _solve(polys: list[Poly], joints: list[int], ring: Ring, time: Budget) -> li
         return []
     if not joints:
         return [{}]
-    out = _Affine(polys, joints, ring, time).solutions()
+    out = _finite(polys, joints, ring, time)
     for k, j in enumerate(joints):
         if ring.prismatic[j]:
             continue
@@ -155,113 +155,84 @@ def _solve(polys: list[Poly], joints: list[int], ring: Ring, time: Budget) -> li
     return out
 
 
-class _Affine:
-    """The system in half-angle tangents t (and metres), square roots s as variables more."""
-
-    def __init__(self, polys: list[Poly], joints: list[int], ring: Ring, time: Budget) -> None:
-        self.joints, self.ring, self.time = joints, ring, time
-        self.roots = ring.roots
-        self.size = len(joints) + len(self.roots)
-        self.system = [self._terms(p) for p in polys]
-        for k, d in enumerate(self.roots):
-            at = len(joints) + k
-            self.system.append({self._power(at, 2): 1, self._power(at, 0): -d})
-
-    def _power(self, at: int, exponent: int) -> tuple[int, ...]:
-        return tuple(exponent if i == at else 0 for i in range(self.size))
-
-    def _terms(self, poly: Poly) -> dict[tuple[int, ...], int]:
-        """Integer terms in t of each joint and the square roots; x is 1."""
-        terms: dict[tuple[int, ...], Any] = {}
-        last = [self.ring.variables(j)[-1] for j in self.joints]
-        for m, c in terms_of(poly).items():
-            key = tuple(int(m[v]) for v in last) + tuple(int(e) for e in m[self.ring.nvars :])
-            terms[key] = terms.get(key, 0) + c
-        scale = math.lcm(*(int(c.q) for c in terms.values()))
-        return {m: int(c.p) * (scale // int(c.q)) for m, c in terms.items() if c != 0}
-
-    def _basis(
-        self, system: Sequence[Mapping[tuple[int, ...], int]], order: Sequence[int]
-    ) -> tuple[list[Any], Any]:
-        """Groebner basis, lexicographic, with the variables in this order."""
-        self.time.check()
-        context = fmpz_mpoly_ctx.get([f"v{i}" for i in order], Ordering.lex)
-        polys = [
-            context.from_dict({tuple(m[i] for i in order): c for m, c in terms.items()})
-            for terms in system
-        ]
-        # Of a Groebner basis: polynomials, terms, bits of coefficients.
-        basis, done = fmpz_mpoly_vec(polys, context).buchberger_naive(limits=(120, 400, 20_000))
-        NotFinite.refuse_if(not done)
-        basis = fmpz_mpoly_vec(list(basis), context).autoreduction(groebner=True)
-        return list(basis), context
-
-    def _eliminant(self, variable: int) -> fmpz_poly | None:
-        """The squarefree polynomial whose roots a variable has; None if there is no solution."""
-        order = [i for i in range(self.size) if i != variable] + [variable]
-        basis, _ = self._basis(self.system, order)
-        for p in basis:
-            if p.is_constant():
-                return None
-            terms = terms_of(p)
-            if all(not any(m[:-1]) for m in terms):
-                powers = {int(m[-1]): int(c) for m, c in terms.items()}
-                line = fmpz_poly([powers.get(k, 0) for k in range(max(powers) + 1)])
-                factors = [f for f, _ in line.factor()[1]]
-                if variable < len(self.joints):
-                    factors = [f for f in factors if f != fmpz_poly([1, 0, 1])]
-                return math.prod(factors, start=fmpz_poly([1]))
-        raise NotFinite
-
-    def solutions(self) -> list[Solution]:
-        """Real solutions, square roots positive."""
-        eliminants = []
-        for i in range(self.size):
-            e = self._eliminant(i)
-            if e is None or e.degree() == 0:
-                return []
-            eliminants.append(e)
-        # Combinations of roots that are tried.
-        NotFinite.refuse_if(math.prod(e.degree() for e in eliminants) > 4_096)
-        lines = [
-            {self._power(i, k): int(c) for k, c in enumerate(e.coeffs()) if c}
-            for i, e in enumerate(eliminants)
-        ]
-        basis, _ = self._basis([*self.system, *lines], range(self.size))
-        count = _standard_monomials(basis, [e.degree() for e in eliminants])
-        for bits in (128, 512, 2_048):
-            with ctx.workprec(bits):
-                roots = [
-                    [(z, f) for f, _ in e.factor()[1] for z, _ in f.complex_roots()]
-                    for e in eliminants
+def _finite(polys: list[Poly], joints: list[int], ring: Ring, time: Budget) -> list[Solution]:
+    """Solutions in half-angle tangents (and metres), square roots as variables more."""
+    every, n = ring.context.names(), len(joints)
+    names = [every[ring.variables(j)[-1]] for j in joints] + list(every[ring.nvars :])
+    context, whole = (fmpz_mpoly_ctx.get(list(x), Ordering.lex) for x in (names, every))
+    one = {every[ring.start[j]]: 1 for j in joints if not ring.prismatic[j]}
+    affine = [whole.from_dict(whole_terms(p.subs(one))) for p in polys]
+    system = [p.project_to_context(context) for p in affine]
+    system += [s * s - d for s, d in zip(context.gens()[n:], ring.roots, strict=True)]
+    lines = []
+    for name in names:
+        order = [x for x in names if x != name]
+        line = _eliminant(_basis(system, [*order, name], time))
+        if name in names[:n]:  # x^2 + y^2 is nowhere zero
+            line = [f for f in line if f != fmpz_poly([1, 0, 1])]
+        if not line:
+            return []
+        lines.append(line)
+    degrees = [sum(f.degree() for f in line) for line in lines]
+    # Combinations of roots that are tried.
+    NotFinite.refuse_if(math.prod(degrees) > 4_096)
+    eliminants = [
+        sum(int(c) * x**k for k, c in enumerate(math.prod(line, start=fmpz_poly([1])).coeffs()))
+        for x, line in zip(context.gens(), lines, strict=True)
+    ]
+    basis = _basis([*system, *eliminants], names, time)
+    count = _standard_monomials(basis, degrees)
+    for bits in (128, 512, 2_048):
+        with ctx.workprec(bits):
+            roots = [[(z, f) for f in line for z, _ in f.complex_roots()] for line in lines]
+            met = []
+            for c in itertools.product(*roots):
+                time.check()
+                values = [acb(z) for z, _ in c]
+                if all(_value(p, values).contains(0) for p in system):
+                    met.append((values, [f for _, f in c]))
+            if len(met) == count:
+                return [
+                    {
+                        j: AlgebraicValue(arb(z.real), tuple(int(k) for k in f.coeffs()))
+                        for j, z, f in zip(joints, values, fs, strict=False)
+                    }
+                    for values, fs in met
+                    if all(z.imag == 0 for z in values) and all(z.real > 0 for z in values[n:])
                 ]
-                met = [c for c in itertools.product(*roots) if self._may_vanish(c)]
-                if len(met) == count:
-                    return [self._solution(c) for c in met if self._wanted(c)]
-        raise NotFinite
+    raise NotFinite
 
-    def _may_vanish(self, combination: Sequence[tuple[Any, fmpz_poly]]) -> bool:
-        self.time.check()
-        values = [acb(z) for z, _ in combination]
 
-        def term(powers: tuple[int, ...], c: int) -> acb:
-            return math.prod((x**e for x, e in zip(values, powers, strict=True) if e), start=acb(c))
+def _basis(polys: Sequence[Any], names: Sequence[str], time: Budget) -> list[Any]:
+    """Groebner basis, lexicographic, with the variables in this order."""
+    time.check()
+    context = fmpz_mpoly_ctx.get(list(names), Ordering.lex)
+    given = fmpz_mpoly_vec([p.project_to_context(context) for p in polys], context)
+    # Of a Groebner basis: polynomials, terms, bits of coefficients.
+    basis, done = given.buchberger_naive(limits=(120, 400, 20_000))
+    NotFinite.refuse_if(not done)
+    return list(fmpz_mpoly_vec(list(basis), context).autoreduction(groebner=True))
 
-        sums = (sum(itertools.starmap(term, terms.items()), acb(0)) for terms in self.system)
-        return all(total.contains(0) for total in sums)
 
-    def _wanted(self, combination: Sequence[tuple[Any, fmpz_poly]]) -> bool:
-        """Return True if a solution is real, its square roots the positive ones."""
-        parts = [acb(z) for z, _ in combination]
-        return all(z.imag == 0 for z in parts) and all(
-            z.real > 0 for z in parts[len(self.joints) :]
-        )
+def _eliminant(basis: Sequence[Any]) -> list[fmpz_poly]:
+    """Factors whose roots the last variable has; none if there is no solution."""
+    for p in basis:
+        if p.is_constant():
+            return []
+        if not any(p.degrees()[:-1]):
+            powers = {int(m[-1]): int(c) for m, c in terms_of(p).items()}
+            line = fmpz_poly([powers.get(k, 0) for k in range(max(powers) + 1)])
+            return [f for f, _ in line.factor()[1]]
+    raise NotFinite
 
-    def _solution(self, combination: Sequence[tuple[Any, fmpz_poly]]) -> Solution:
-        return {
-            j: AlgebraicValue(arb(acb(z).real), tuple(int(c) for c in f.coeffs()))
-            for j, (z, f) in zip(self.joints, combination, strict=False)
-        }
+
+def _value(poly: Any, at: Sequence[acb]) -> acb:
+    """Value of a polynomial, a ball."""
+    total = acb(0)
+    for powers, c in terms_of(poly).items():
+        factors = (x ** int(e) for x, e in zip(at, powers, strict=True) if e)
+        total += math.prod(factors, start=acb(int(c)))
+    return total
 
 
 def _standard_monomials(basis: Sequence[Any], bounds: Sequence[int]) -> int:
