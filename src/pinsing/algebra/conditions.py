@@ -94,20 +94,15 @@ class Branch:
 
     def off(self, q: Array, space: JointSpace) -> Array:
         """Return the weighted differences (N, k) of the fixed joints of q (N, n)."""
-        if not self.values:
-            return np.zeros((len(q), 0))
         joints = [v.joint for v in self.values]
-        away = q[:, joints] - np.array([v.value for v in self.values])
-        wrapped = away - 2 * np.pi * np.round(away / (2 * np.pi))
-        away = np.where(space.prismatic[joints], away, wrapped)
-        return np.asarray(away / space.metric[joints])
+        away = q[:, joints] - [v.value for v in self.values]
+        turns = np.where(space.prismatic[joints], 0.0, np.round(away / (2 * np.pi)))
+        return np.asarray((away - 2 * np.pi * turns) / space.metric[joints])
 
     def put(self, q: Array, space: JointSpace) -> Array:
         """Return Q (N, n) with the fixed joints at the nearest copies of their values."""
-        out = q.copy()
-        if self.values:
-            joints = [v.joint for v in self.values]
-            out[:, joints] -= self.off(q, space) * space.metric[joints]
+        out, joints = q.copy(), [v.joint for v in self.values]
+        out[:, joints] -= self.off(q, space) * space.metric[joints]
         return out
 
     def held(self, space: JointSpace, box: tuple[Array, Array] | None = None) -> list[Array]:

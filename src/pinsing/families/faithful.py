@@ -9,6 +9,7 @@ all roots in one joint after the other, must be on some branch.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 
@@ -121,14 +122,22 @@ class _Exact:
 
     def off(self, component: Component, branches: Sequence[Branch]) -> Array | None:
         """A real point (n,) of a component on none of the branches; None if none is found."""
-        conditions, found = self._conditions(component), False
-        for count, (q, tol) in enumerate(self._points(component, conditions)):
+        # What vanishes, one of each list: of one joint's multiple roots each is a factor's.
+        conditions = [
+            [self._form(p) for p, _ in poly.factor()[1]]
+            if self.ring.rational and len(self.ring.joints_of(poly)) == 1
+            else [self._form(poly)]
+            for poly in component.relations
+        ]
+        # Choices of free joints by which points of a component are looked for, and such points.
+        values, found = self._values(component), False
+        starts = self._random(3)
+        starts[:, list(values)] = list(values.values())
+        points = (self._followed(conditions, q, frozenset(values), ALIKE) for q in starts)
+        for q, tol in itertools.islice(itertools.chain.from_iterable(points), 257):
             if self._missed(branches, q, tol):
                 return q
             found = True
-            # Points of a component that are looked at.
-            if count == 256:
-                break
         # Random starts where roots in one joint after the other give no point; up to so many terms.
         if found or sum(map(len, component.relations)) > 500:
             return None
@@ -137,12 +146,11 @@ class _Exact:
             q = np.zeros(len(self.slides))
             if len(joints) < 2 and not any(self._roots(f, j, q) for f in forms for j in joints):
                 return None  # it has no real point: a condition of one joint has no real root
-        values, every = self._values(component), range(len(self.slides))
+        every = range(len(self.slides))
         free = np.array([j not in values for j in every])
         fixed = np.array([values.get(j, 0.0) for j in every])
         box = SearchBox(-self.reach, self.reach, free, fixed)
         stated = [equation(p, self.ring, self.symbols, self.offset) for p in component.relations]
-        # Random starts where roots in one joint after the other give no point; up to so many terms.
         for q in thrown(stated, box, 16, self.rng):
             if self._missed(branches, q, BLUNT):
                 return np.asarray(q)
@@ -190,25 +198,6 @@ class _Exact:
             else:
                 out[:, first], out[:, first + 1] = np.cos(half[:, j]), np.sin(half[:, j])
         return out
-
-    def _conditions(self, component: Component) -> list[list[_Form]]:
-        """What vanishes, one of each list: of one joint's multiple roots each is a factor's."""
-        return [
-            [self._form(p) for p, _ in poly.factor()[1]]
-            if self.ring.rational and len(self.ring.joints_of(poly)) == 1
-            else [self._form(poly)]
-            for poly in component.relations
-        ]
-
-    def _points(
-        self, component: Component, conditions: Sequence[Sequence[_Form]]
-    ) -> Iterator[tuple[Array, float]]:
-        """Real points (n,) of a component, and how sharp they are."""
-        values = self._values(component)
-        # Choices of free joints by which points of a component are looked for.
-        for q in self._random(3):
-            q[list(values)] = list(values.values())
-            yield from self._followed(conditions, q, frozenset(values), ALIKE)
 
     def _followed(
         self, conditions: Sequence[Sequence[_Form]], q: Array, known: frozenset[int], tol: float
