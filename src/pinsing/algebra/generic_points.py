@@ -108,12 +108,12 @@ def zeros(
     asked, with the number of term products, before each long step. Undecided if there are
     infinitely many, or an eliminant is too long.
     """
-    prime = int(polys[0].context().modulus())
-    if patient:
-        with contextlib.suppress(Undecided):
-            return _Solver(nonzero, rng, check, prime, True, False).solve(polys, variables)
-        return _Solver(nonzero, rng, check, prime, True, True).solve(polys, variables)
-    return _Solver(nonzero, rng, check, prime, False, False).each(polys, variables)
+    given = nonzero, rng, check, int(polys[0].context().modulus())
+    if not patient:
+        return _Solver(*given, False, False).each(polys, variables)
+    with contextlib.suppress(Undecided):
+        return list(_Solver(*given, True, False).each(polys, variables))
+    return list(_Solver(*given, True, True).each(polys, variables))
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,10 +129,6 @@ class _Solver:
     prime: int
     orders: bool
     mixing: bool
-
-    def solve(self, polys: Sequence[Any], variables: Sequence[int]) -> list[Zero]:
-        """See ``zeros``: all of them."""
-        return list(self.each(polys, variables))
 
     def each(self, polys: Sequence[Any], variables: Sequence[int]) -> Iterator[Zero]:
         """See ``zeros``: one after the other."""
@@ -163,17 +159,19 @@ class _Solver:
         """Zeros, with one variable eliminated first."""
         rest = [u for u in variables if u != v]
         if not having:  # none, or as many as there are values of v
-            Undecided.refuse_if(self.solve(polys, rest))
+            Undecided.refuse_if(list(self.each(polys, rest)))
             return
         if not rest:
-            below = self.solve([], [])
+            below = list(self.each([], []))
         elif len(having) == 1:
-            below = self.solve([f for f in polys if f is not having[0]], rest)
+            below = list(self.each([f for f in polys if f is not having[0]], rest))
         else:
             below = self._eliminated(polys, having, v, rest)
         for zero in below:
             self.check(0.0)
-            yield from (z for z in _above(zero, having, v) if self._wanted(z, v))
+            for above in _above(zero, having, v):
+                if v not in self.nonzero or not above.value(self.nonzero[v]).is_zero():
+                    yield above
 
     def _eliminated(
         self, polys: Sequence[Any], having: Sequence[Any], v: int, rest: Sequence[int]
@@ -182,14 +180,14 @@ class _Solver:
         free = [f for f in polys if f.degrees()[v] == 0]
         ordered = sorted(having, key=lambda f: (f.degrees()[v], len(f)))
         try:
-            return self.solve([*free, *self._resultants(ordered, v)], rest)
+            return list(self.each([*free, *self._resultants(ordered, v)], rest))
         except Undecided:
             if len(having) < 3 or not self.mixing:
                 raise
         # Over a whole curve the pivot may share one root with one of the others, and another
         # with the next. Not so where they are mixed.
         mixed = [sum(f * int(self.rng.integers(1, self.prime)) for f in having) for _ in having]
-        return self.solve([*free, *self._resultants(mixed, v)], rest)
+        return list(self.each([*free, *self._resultants(mixed, v)], rest))
 
     def _resultants(self, polys: Sequence[Any], v: int) -> list[Any]:
         """Return resultants with the first polynomial, and of three or more one more."""
@@ -202,21 +200,14 @@ class _Solver:
             a, b = ([int(d) for d in g.degrees()] for g in (pivot, f))
             into = [1.0 + a[v] * b[u] + b[v] * a[u] for u in range(len(a)) if u != v]
             terms = float(np.prod(into))
-            # Of an eliminant; beyond, its factors take seconds.
-            # Of a resultant.
+            # Degrees and terms; beyond, the factors of an eliminant take seconds.
             Undecided.refuse_if(max(into, default=0) > 3_000 or terms > 10_000)
             # Term products that one of a resultant costs.
             self.check(8.0 * terms * (a[v] + b[v]) ** 2)
-            out.append(self._without(pivot.resultant(f, pivot.context().names()[v])))
+            found = pivot.resultant(f, pivot.context().names()[v])
+            # Without the factors whose zeros are not wanted.
+            out.append(functools.reduce(divided_by, self.nonzero.values(), found))
         return out
-
-    def _without(self, poly: Any) -> Any:
-        """A polynomial without the factors whose zeros are not wanted."""
-        return functools.reduce(divided_by, self.nonzero.values(), poly)
-
-    def _wanted(self, zero: Zero, v: int) -> bool:
-        """Return True if the value of variable v is none of the unwanted ones."""
-        return v not in self.nonzero or not zero.value(self.nonzero[v]).is_zero()
 
 
 def _above(zero: Zero, polys: Sequence[Any], v: int) -> list[Zero]:
@@ -330,28 +321,16 @@ def _line(poly: Any, v: int) -> list[int]:
 # Random slices ------------------------------------------------------------------------
 
 
-Powers = tuple[tuple[int, int], ...]
-"""Variables and exponents of a term."""
-
-
 class Residues:
     """Images of a ring's polynomials modulo a prime, made once each."""
 
     def __init__(self, ring: Ring, prime: int = WORD_PRIME) -> None:
         self.ring, self.prime = ring, prime
-        self._images, self._terms = MadeOnce(), MadeOnce()
+        self._images = MadeOnce()
 
     def of(self, poly: Poly) -> Any:
         """The image of a polynomial."""
         return self._images.of(poly, lambda p: image(p, self.ring, self.prime))
-
-    def terms(self, poly: Poly) -> list[tuple[Powers, int]]:
-        """Its terms, which some points are put into."""
-        return self._terms.of(poly, self._powers)  # type: ignore[no-any-return]
-
-    def _powers(self, poly: Poly) -> list[tuple[Powers, int]]:
-        terms = terms_of(self.of(poly)).items()
-        return [(tuple([(v, int(e)) for v, e in enumerate(m) if e]), int(c)) for m, c in terms]
 
     def generic_rank(self, matrix: Matrix, rng: np.random.Generator) -> int:
         """Rank of a matrix at a random point: never more than the generic one, over any field."""

@@ -218,24 +218,25 @@ class Ring:
 
     def putting(self, values: Mapping[int, Value]) -> Callable[[Poly], Poly]:
         """Return what puts exact joint values into one polynomial after the other."""
+        given = {
+            v: x
+            for j, value in values.items()
+            for v, x in zip(self.variables(j), value, strict=True)
+        }
         names, images = self.context.names(), list(self.context.gens())
-        found, roots = dict[int, Any](), False
-        for j, value in values.items():
-            surds = any(isinstance(x, Surd) for x in value)
-            for v, x in zip(self.variables(j), value, strict=True):
-                if surds:
-                    images[v] = self.number(x)
-                else:
-                    found[v] = rational(x)  # type: ignore[arg-type]
-            roots = roots or surds
-        named = {names[v]: x for v, x in found.items()}
+        roots = any(isinstance(x, Surd) for x in given.values())
+        if roots:
+            for v, x in given.items():
+                images[v] = self.number(x)
+        named = {names[v]: rational(x) for v, x in given.items() if not isinstance(x, Surd)}
 
         def put(poly: Poly) -> Poly:
-            if not poly or poly.is_constant():
-                return poly
             degrees = poly.degrees()
-            poly = poly.subs(named) if any(degrees[v] for v in found) else poly
-            return self.reduce(poly.compose(*images, ctx=self.context)) if roots else poly
+            if not any(degrees[v] > 0 for v in given):
+                return poly
+            return (
+                self.reduce(poly.compose(*images, ctx=self.context)) if roots else poly.subs(named)
+            )
 
         return put
 
