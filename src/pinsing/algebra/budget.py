@@ -245,15 +245,8 @@ class Apart:
         assert self._from_child is not None
         told: list[Any] = []
         try:
-            while True:
-                # Seconds that a child has after its time to say what it has.
-                left = self._until + 0.1 - time.monotonic()
-                if left <= 0:
-                    budget = f"the time budget of {self._seconds:.3g} s"
-                    return Outcome(None, told, f"{budget} ran out in one step of the algebra")
-                # Seconds between looks at whether the child is still there.
-                if not self._from_child.poll(min(left, 0.2)):
-                    continue
+            # Seconds that a child has after its time to say what it has.
+            while self._from_child.poll(min(max(self._until + 0.1 - time.monotonic(), 0.0), 1e6)):
                 kind, what, done = self._from_child.recv()
                 self._budget.spend(done - self._budget.meter.done)
                 if kind == "result":
@@ -264,6 +257,8 @@ class Apart:
                     told.append(what)
                 else:
                     self._hear(what)
+            budget = f"the time budget of {self._seconds:.3g} s"
+            return Outcome(None, told, f"{budget} ran out in one step of the algebra")
         except (EOFError, MemoryError):
             return Outcome(None, told, "the process of the algebra was ended, perhaps for memory")
         finally:

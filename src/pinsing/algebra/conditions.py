@@ -740,94 +740,86 @@ def nearest_points(
     else:
         least, most, points = np.full(N, np.inf), np.full(N, np.inf), X.copy()
         family, boxes = np.full(N, -1, dtype=np.int64), np.empty(N, dtype=np.int64)
-        low, high = (np.broadcast_to(x, (conditions.families, n)) for x in (low, high))
-        search = _NearestSearch(conditions, low, high, far, options)
+        within = np.broadcast_to(np.stack([low, high], axis=-2), (conditions.families, 2, n))
         for i, x in enumerate(X):
-            least[i], most[i], family[i], points[i], boxes[i] = search.nearest(x)
+            found = _nearest_by_boxes(conditions, x, within, far, options)
+            least[i], most[i], family[i], points[i], boxes[i] = found
     return Nearest(least, most, family, points / conditions.weight, boxes)
 
 
-@dataclass(frozen=True, eq=False)
-class _NearestSearch:
-    """Conditions, and limits (families, n) in weighted coordinates."""
+def _nearest_by_boxes(
+    c: Conditions, x: Array, limits: Array, far: float, options: SearchOptions
+) -> tuple[float, float, int, Array, int]:
+    """Lower and upper bound of the distance of x (n,), family and point found, and boxes."""
+    # Limits are (families, 2, n), in weighted coordinates.
+    lower, upper, family, point = np.inf, np.inf, -1, x
+    looked = 0
+    slack = 1e-15 * (1 + float(np.abs(x).max(initial=0.0)) + 2 * np.pi) * (c.n + 1)
+    starts = []
+    for k, b in enumerate(c.branches):
+        target = _put(c, b, x, limits[b.family], options.within_limits)
+        if target is not None:
+            starts.append((float(c.size(target - x)), k, target))
+    for fixed, k, target in sorted(starts, key=lambda s: s[:2]):
+        branch, part = c.branches[k], max(fixed - slack, 0.0)
+        if fixed >= upper:
+            lower = min(lower, part)
+        elif not branch.sums:
+            lower, upper, family, point = min(lower, part), fixed, branch.family, target
+        else:
+            left = float(np.sqrt(max(upper**2 - fixed**2, 0.0)))
+            room = left if np.isfinite(upper) and c.norm != "max" else upper
+            boxes = _Boxes(c, branch, x, limits[branch.family], far, options, room)
+            looked += boxes.run(options.boxes - looked)
+            if boxes.point is not None:
+                upper = min(upper, float(c.joined(np.array(fixed), np.array(boxes.best))))
+                family, point = branch.family, np.where(boxes.used, boxes.point, target)
+            if np.isfinite(boxes.proven):
+                whole = float(c.joined(np.array(part), np.array(boxes.proven)))
+                lower = min(lower, max(whole * (1 - 4e-15), 0.0))
+    return min(lower, upper), upper, family, point, looked
 
-    c: Conditions
-    lower: Array
-    upper: Array
-    far: float
-    options: SearchOptions
 
-    def nearest(self, x: Array) -> tuple[float, float, int, Array, int]:
-        """Lower and upper bound of the distance of x (n,), family and point found, and boxes."""
-        lower, upper, family, point = np.inf, np.inf, -1, x
-        looked = 0
-        slack = 1e-15 * (1 + float(np.abs(x).max(initial=0.0)) + 2 * np.pi) * (self.c.n + 1)
-        starts = []
-        for k, branch in enumerate(self.c.branches):
-            target = self._put(branch, x)
-            if target is not None:
-                starts.append((float(self.c.size(target - x)), k, target))
-        for fixed, k, target in sorted(starts, key=lambda s: s[:2]):
-            branch, part = self.c.branches[k], max(fixed - slack, 0.0)
-            if fixed >= upper:
-                lower = min(lower, part)
-            elif not branch.sums:
-                lower, upper, family, point = min(lower, part), fixed, branch.family, target
-            else:
-                left = float(np.sqrt(max(upper**2 - fixed**2, 0.0)))
-                room = left if np.isfinite(upper) and self.c.norm != "max" else upper
-                boxes = _Boxes(self, branch, x, room)
-                looked += boxes.run(self.options.boxes - looked)
-                if boxes.point is not None:
-                    upper = min(upper, float(self.c.joined(np.array(fixed), np.array(boxes.best))))
-                    family, point = branch.family, np.where(boxes.used, boxes.point, target)
-                if np.isfinite(boxes.proven):
-                    whole = float(self.c.joined(np.array(part), np.array(boxes.proven)))
-                    lower = min(lower, max(whole * (1 - 4e-15), 0.0))
-        return min(lower, upper), upper, family, point, looked
-
-    def _put(self, branch: WeightedBranch, x: Array) -> Array | None:
-        """Put joints at their values, the nearest copies; None where the limits allow none."""
-        # Joints that do not matter are put within their limits.
-        lower, upper, limited = *self.limits(branch), self.options.within_limits
-        out = np.where(branch.used(self.c.n), x, np.clip(x, lower, upper)) if limited else x.copy()
-        for j, value in zip(branch.joints, branch.values, strict=True):
-            turn, low, high = self.c.turn[j], lower[j] - 1e-9, upper[j] + 1e-9
-            if turn > 0:
-                value += turn * np.round((x[j] - value) / turn)
-                if limited and value > high:
-                    value -= turn * np.ceil((value - high) / turn)
-                if limited and value < low:
-                    value += turn * np.ceil((low - value) / turn)
-            if limited and not low <= value <= high:
-                return None
-            out[j] = value
-        return out
-
-    def limits(self, branch: WeightedBranch) -> tuple[Array, Array]:
-        """Limits (n,) of the family of a branch."""
-        return self.lower[branch.family], self.upper[branch.family]
+def _put(
+    c: Conditions, branch: WeightedBranch, x: Array, limits: Array, limited: bool
+) -> Array | None:
+    """Put joints at their values, the nearest copies; None where the limits allow none."""
+    out, j = x.copy(), branch.joints
+    low, high = np.full((2, len(j)), [[-np.inf], [np.inf]])
+    if limited:  # joints that do not matter are put within their limits
+        out = np.where(branch.used(c.n), x, np.clip(x, *limits))
+        low, high = limits[0, j] - 1e-9, limits[1, j] + 1e-9
+    turn = np.where(c.turn[j] > 0, c.turn[j], 1.0)
+    first, last = np.ceil((low - branch.values) / turn), np.floor((high - branch.values) / turn)
+    turns = np.clip(np.round((x[j] - branch.values) / turn), first, last)
+    out[j] = branch.values + c.turn[j] * turns
+    return None if ((out[j] < low) | (out[j] > high)).any() else out
 
 
 class _Boxes:
     """The sums of one branch, and the boxes that may hold a common zero nearer than the best."""
 
     def __init__(
-        self, search: _NearestSearch, branch: WeightedBranch, x: Array, room: float
+        self,
+        c: Conditions,
+        branch: WeightedBranch,
+        x: Array,
+        limits: Array,
+        far: float,
+        options: SearchOptions,
+        room: float,
     ) -> None:
-        self.c, self.sums, self.x, self.gap = search.c, branch.sums, x, search.options.gap
+        self.c, self.sums, self.x, self.gap = c, branch.sums, x, options.gap
         self.best, self.point, self.proven = room, None, np.inf
-        self.used = used = branch.used(self.c.n)
-        lower, upper = search.limits(branch)
-        below = used & search.options.within_limits & np.isfinite(lower)
-        above = used & search.options.within_limits & np.isfinite(upper)
-        reach = np.where(self.c.turn > 0, self.c.turn / 2, search.far)
-        low, high = np.where(below, lower, x - reach), np.where(above, upper, x + reach)
+        self.used = used = branch.used(c.n)
+        below, above = used & options.within_limits & np.isfinite(limits)
+        reach = np.where(c.turn > 0, c.turn / 2, far)
+        low, high = np.where(below, limits[0], x - reach), np.where(above, limits[1], x + reach)
         high = np.where(below & ~above, np.maximum(x, low) + 2 * reach, high)
         low = np.where(above & ~below, np.minimum(x, high) - 2 * reach, low)
         self.low, self.high = np.where(used, low, x), np.where(used, high, x)
-        endless = bool((used & (self.c.turn == 0) & ~(below & above)).any())
-        self.beyond = search.far if endless else np.inf
+        endless = bool((used & (c.turn == 0) & ~(below & above)).any())
+        self.beyond = far if endless else np.inf
 
     def run(self, most: int) -> int:
         """Halve boxes, the nearest first, until the bounds are within the gap; return how many."""
@@ -890,34 +882,31 @@ class _Boxes:
         if not len(x):
             return
         for iteration in range(60):
-            residual, A = self._system([s.at(x) for s in self.sums])
+            residual, A = self._system(x)
             relax = 0.5 ** (iteration // 12) if iteration < 48 else 0.0
             pull = relax * (self.x - x) * self.used
             free = np.ones(x.shape, dtype=bool)
             for _ in range(2):  # a joint at its limit is held where it would leave
-                step = _toward(np.where(free[:, None], A, 0.0), residual, np.where(free, pull, 0.0))
-                step = np.where(free, step, 0.0)
+                # Least-norm steps to linearised zeros, and what of the pull is along these.
+                held, along = np.where(free[:, None], A, 0.0), np.where(free, pull, 0.0)
+                change = residual + np.einsum("nij,nj->ni", held, along)
+                back = np.einsum("nij,nj->ni", np.linalg.pinv(held, rcond=1e-9), change)
+                step = np.where(free, along - back, 0.0)
                 free &= (np.clip(x + step, self.low, self.high) != x) | (step == 0)
             size = np.abs(step).max(axis=1, keepdims=True)
             x = x + step * np.minimum(1.0, 0.6 / np.maximum(size, TINY))
             x = np.clip(x, self.low, self.high)
-        residual, _ = self._system([s.at(x) for s in self.sums])
+        residual, _ = self._system(x)
         off = self.c.size((x - self.x)[:, self.used])
         off = np.where(np.abs(residual).max(axis=1) <= 1e-12, off, np.inf)
         k = int(np.argmin(off))
         if off[k] < self.best:
             self.best, self.point = float(off[k]), x[k]
 
-    def _system(self, at: list[At]) -> tuple[Array, Array]:
-        """Residuals (N, k) and their slopes (N, k, n), each over the size of its sum."""
+    def _system(self, x: Array) -> tuple[Array, Array]:
+        """Residuals (N, k) and slopes (N, k, n) at x (N, n), each over the size of its sum."""
         size = [float(s.amplitude.sum()) * max(1.0, s.noise * 1e13) for s in self.sums]
+        at = [s.at(x) for s in self.sums]
         values = np.stack([a.value / u for a, u in zip(at, size, strict=True)], axis=1)
         slopes = np.stack([a.gradient / u for a, u in zip(at, size, strict=True)], axis=1)
         return values, slopes * self.used
-
-
-def _toward(A: Array, residual: Array, pull: Array) -> Array:
-    """Least-norm steps (N, n) to linearised zeros, and what of the pull is along these."""
-    pinv = np.linalg.pinv(A, rcond=1e-9)
-    change = residual + np.einsum("nij,nj->ni", A, pull)
-    return np.asarray(pull - np.einsum("nij,nj->ni", pinv, change))

@@ -510,17 +510,12 @@ def scale_to_lengths(equation: Equation, lengths: Sequence[float]) -> Equation:
     def matches(targets: Array) -> Bool:
         """Return which of the values (factors, coefficients) are one of the targets, ascending."""
         place = np.searchsorted(targets, scaled)
-        below, above = (
-            targets[np.maximum(place - 1, 0)],
-            targets[np.minimum(place, len(targets) - 1)],
-        )
-        close = np.minimum(np.abs(scaled - below), np.abs(scaled - above)) < 1e-9 * scaled
-        return np.asarray(close)
+        below, above = targets[place - 1], targets[place % len(targets)]
+        off = np.minimum(np.abs(scaled - below), np.abs(scaled - above))
+        return np.asarray(off < 1e-9 * scaled)
 
     alone = matches(single)
     points = alone.sum(axis=1) + 0.4 * (~alone & matches(pairs)).sum(axis=1)
-    best, score = 1.0, 0.0
-    for factor, count in zip(factors, points.tolist(), strict=True):
-        if count > score + 1e-9:
-            best, score = factor, count
-    return equation.scaled(best) if score >= max(1.4, 0.6 * len(found)) else equation
+    best = int(points.round(6).argmax())
+    enough = points[best] >= max(1.4, 0.6 * len(found))
+    return equation.scaled(factors[best]) if enough else equation

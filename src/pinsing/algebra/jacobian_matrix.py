@@ -176,12 +176,9 @@ def in_axes(task: Task, at_tip: bool) -> tuple[int, ...]:
 
 def round_about(rows: Sequence[int]) -> tuple[int, ...]:
     """Axes, out of 0, 1, 2, under turns about which a set of rows stays the same."""
-    return tuple(k for k in range(3) if all(_closed(rows, first, k) for first in (0, 3)))
-
-
-def _closed(rows: Sequence[int], first: int, axis: int) -> bool:
-    others = {first, first + 1, first + 2} - {first + axis}
-    return others <= set(rows) or not others & set(rows)
+    has = [r in rows for r in range(6)]
+    others = {k: ((k + 1) % 3, (k + 2) % 3) for k in range(3)}
+    return tuple(k for k, (i, j) in others.items() if has[i] == has[j] and has[3 + i] == has[3 + j])
 
 
 def tip_axes(geometry: Nominal, task: Task) -> tuple[Rotation, bool]:
@@ -197,21 +194,15 @@ def tip_axes(geometry: Nominal, task: Task) -> tuple[Rotation, bool]:
 
 def _along_z(rotation: Rotation, k: int, row: bool) -> int:
     """1 or -1 if axis k of the rotation's outer (or inner) frame is the joint's, else 0."""
-    line: list[Exact] = [rotation[k][i] if row else rotation[i][k] for i in range(3)]
-    if line[0] != 0 or line[1] != 0:
-        return 0
-    return 1 if line[2] == 1 else -1
+    line = [rotation[k][i] if row else rotation[i][k] for i in range(3)]
+    return next((sign for sign in (1, -1) if line == [0, 0, Fraction(sign)]), 0)
 
 
 def _simple(k: int, sign: int) -> Rotation:
     """A rotation whose column k is z, or minus z."""
-    one, zero = Fraction(1), Fraction(0)
-    columns: list[list[Exact]] = [[zero] * 3 for _ in range(3)]
-    columns[k] = [zero, zero, one * sign]
-    columns[(k + 1) % 3] = [one, zero, zero]
-    columns[(k + 2) % 3] = [zero, one * sign, zero]
-    rows = [tuple(c[i] for c in columns) for i in range(3)]
-    return rows[0], rows[1], rows[2]  # type: ignore[return-value]
+    columns = {k: (0, 0, sign), (k + 1) % 3: (1, 0, 0), (k + 2) % 3: (0, sign, 0)}
+    first, second, third = (tuple(Fraction(columns[j][i]) for j in range(3)) for i in range(3))
+    return first, second, third  # type: ignore[return-value]
 
 
 Row = list[Poly]

@@ -55,6 +55,7 @@ from pinsing.families.describe import PieceMaker
 from pinsing.families.proof_forms import roots_in
 from pinsing.families.zero_set import BLUNT, OwnPoints, SearchBox
 from pinsing.measures import Array, Bool, Ints, NDArray
+from pinsing.prose import listed
 from pinsing.robot.nominal import PRIMES, Nominal
 from pinsing.robot.surd import parts_of, residue, root_modulo
 from pinsing.robot.task import Task
@@ -458,8 +459,7 @@ class SliceCount:
     def _fields(self) -> str:
         if len(self.primes) < 2:
             return f"field of {self.prime}"
-        *first, last = self.primes
-        return f"fields of {', '.join(map(str, first))} and {last}"
+        return f"fields of {listed([str(p) for p in self.primes])}"
 
 
 @dataclass(frozen=True, eq=False)
