@@ -159,35 +159,32 @@ def test_real_points_lead_where_no_slice_does(kept, monkeypatch):
     assert tried
 
 
-class Told(slices.Slices):
-    """Slices of which it is told which of their points each component has, by field."""
+class Told(slices.SlicePoints):
+    """Points of which it is told which of them each component has."""
 
-    def __init__(self, **on):
-        self.told = on
-
-    def held(self, points, component):
-        name = "small" if component.values[0] == (0, 1) else "large"
-        return np.array(self.told[name][points.prime])
+    def held(self, component):
+        return np.array(self.of["small" if component.values[0] == (0, 1) else "large"][self.prime])
 
 
 def test_values_that_are_the_same_over_one_field_alone_stay_apart():
     """q3 = 180°, sin q4 = 0.536 has, modulo 7, only points at q4 = 90°: it was dropped."""
     small, large = (Component({0: v}, (), True, 1) for v in ((0, 1), (1, 0)))
     known = [small, large]
-    nothing = np.zeros((2, 20), dtype=np.int64)
-    points = [slices.SlicePoints(p, 1, nothing.T, np.stack([nothing] * 2)) for p in (7, 11)]
     every, some, none = [True] * 20, [True] * 10 + [False] * 10, [False] * 20
+
+    def left(small, large, off=None):
+        of = {
+            "small": dict(zip((7, 11), small, strict=True)),
+            "large": dict(zip((7, 11), large, strict=True)),
+        }
+        return slices.without_parts([Told(of, p, 1, None, None) for p in (7, 11)], known, off)
+
     for second in (none, some):  # ten points are too few to tell
-        told = Told(small={7: every, 11: second}, large={7: every, 11: every})
-        assert told.without_parts(points, known) == known
-    told = Told(small={7: every, 11: every}, large={7: every, 11: every})
-    assert len(told.without_parts(points, known)) == 1
-    most = [True] * 15 + [False] * 5
-    told = Told(small={7: every, 11: every}, large={7: every, 11: most})
-    assert told.without_parts(points, known) == [small]
+        assert left((every, second), (every, every)) == known
+    assert len(left((every, every), (every, every))) == 1
+    assert left((every, every), (every, [True] * 15 + [False] * 5)) == [small]
 
     def off(components):  # one real point on each alone
         return ~np.array([small in components, large in components])
 
-    told = Told(small={7: every, 11: every}, large={7: every, 11: every})
-    assert told.without_parts(points, known, off) == known
+    assert left((every, every), (every, every), off) == known

@@ -28,10 +28,10 @@ import math
 import random
 from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import combinations
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from flint import fmpz, nmod_mat
@@ -462,22 +462,57 @@ class SliceCount:
         return f"fields of {listed([str(p) for p in self.primes])}"
 
 
+At = tuple[int, Value]
+
+
 @dataclass(frozen=True, eq=False)
 class SlicePoints:
     """Singular points of slices over one field, one slice for each choice of joints."""
 
+    of: Slices
     prime: int
     slices: int  # how many there were
     chosen: Ints  # (N, k): the joints that vary on the slice of each point
     q: Ints  # (2, n, N): the points
-    on: MadeOnce = field(default_factory=MadeOnce)  # which of them lie on components asked for
-
-    def at(self, points: Bool) -> SlicePoints:
-        """Some of the points."""
-        return SlicePoints(self.prime, self.slices, self.chosen[points], self.q[..., points])
+    known: MadeOnce = field(default_factory=MadeOnce)  # which of them lie on components asked for
 
     def __len__(self) -> int:
         return len(self.chosen)
+
+    def at(self, points: Bool) -> SlicePoints:
+        """Some of the points."""
+        return replace(self, chosen=self.chosen[points], q=self.q[..., points], known=MadeOnce())
+
+    def held(self, component: Component) -> Bool:
+        """Return which points (N) lie on a component, computed once."""
+        holds = self.of.modular(component, self.prime).holds
+        return self.known.of(component, lambda _: holds(self.q))  # type: ignore[no-any-return]
+
+    def on(self, components: Sequence[Component]) -> Bool:
+        """Which points lie on each of some components: (C, N)."""
+        return np.array([*map(self.held, components)], dtype=bool).reshape(-1, len(self))
+
+    def left(self, components: Sequence[Component]) -> SlicePoints:
+        """Those that lie on none of some components."""
+        return self.at(np.asarray(~self.on(components).any(axis=0)))
+
+    def regular_too(self, component: Component) -> bool:
+        """Return True if a component has points on their one slice that are regular."""
+        every = self.of.chains[self.prime].grid(self.q[..., 0], self.chosen[0])
+        holds = self.of.modular(component, self.prime).holds
+        return bool(holds(every).sum() > self.held(component).sum())
+
+    def most_shared(self, values: Mapping[int, Sequence[Value]], tried: set[At]) -> At | None:
+        """The value of a joint that most of them share, of those not tried."""
+        shared: Counter[At] = Counter()
+        share: dict[int, float] = {}  # of the points at whose slices a joint varies
+        for j, some in values.items():
+            q = self.q[:, j, (self.chosen == j).any(axis=1)]
+            at = {v: int(at_value(q, value_modulo(v, self.prime), self.prime).sum()) for v in some}
+            share[j] = sum(at.values()) / (q.shape[1] + 1)
+            shared += Counter({(j, v): count for v, count in at.items() if (j, v) not in tried})
+        # The joint at whose values all missing points are, first.
+        return max(shared, key=lambda at: (share[at[0]], shared[at]), default=None)
 
 
 class Slices:
@@ -492,7 +527,7 @@ class Slices:
         self._draw = random.Random(SEED)
         self.choices = list(combinations(inner, self.joints))
         self._draw.shuffle(self.choices)
-        self._chains: dict[int, ModularChain] = {}
+        self.chains: dict[int, ModularChain] = {}
         self._sets = defaultdict[int, MadeOnce](MadeOnce)
 
     @property
@@ -515,71 +550,30 @@ class Slices:
     def turn(self, prime: int, time: Budget) -> SlicePoints:
         """Return points of one slice for each choice of joints, as many as there is time for."""
         # ValueError if the prime divides a denominator of the chain, or a length its rank needs.
-        if prime not in self._chains:
+        if prime not in self.chains:
             chain = ModularChain(self.geometry, self.task, prime)
             if chain.short_everywhere():
                 raise ValueError(f"modulo {prime} all configurations are singular")
-            self._chains[prime] = chain
+            self.chains[prime] = chain
         chosen = [np.zeros((0, self.joints), dtype=np.int64)]
         found = [np.zeros((2, len(self.geometry.prismatic), 0), dtype=np.int64)]
         for some in self.choices:
             # Work that each point of a slice is asked with, in products of terms.
             if time.stop(3.0 * prime ** len(some)):
                 break
-            found.append(self._chains[prime].singular(some, self._draw))
+            found.append(self.chains[prime].singular(some, self._draw))
             chosen.append(np.tile(some, (found[-1].shape[2], 1)))
         every = np.concatenate(chosen), np.concatenate(found, axis=2)
-        return SlicePoints(prime, len(found) - 1, *every)
+        return SlicePoints(self, prime, len(found) - 1, *every)
 
-    def left(self, points: SlicePoints, components: Sequence[Component]) -> SlicePoints:
-        """Those of some points that lie on none of some components."""
-        return points.at(np.asarray(~self.on(points, components).any(axis=0)))
-
-    def on(self, points: SlicePoints, components: Sequence[Component]) -> Bool:
-        """Which points (N) lie on each of some components: (C, N)."""
-        every = [self.held(points, c) for c in components]
-        return np.array(every, dtype=bool).reshape(len(components), len(points))
-
-    def held(self, points: SlicePoints, component: Component) -> Bool:
-        """Return which points lie on a component, computed once."""
-        holds = self._modular(component, points.prime).holds
-        return points.on.of(component, lambda _: holds(points.q))  # type: ignore[no-any-return]
-
-    def regular_too(self, on: SlicePoints, component: Component) -> bool:
-        """Return True if a component has points on a slice, some singular, that are regular."""
-        every = self._chains[on.prime].grid(on.q[..., 0], on.chosen[0])
-        singular = self.held(on, component).sum()
-        return bool(self._modular(component, on.prime).holds(every).sum() > singular)
-
-    def without_parts(
-        self,
-        points: Sequence[SlicePoints],
-        components: Sequence[Component],
-        off: Callable[[list[Component]], Bool] | None = None,
-    ) -> list[Component]:
-        """Return components but for those of whose points, which are many, one other has all."""
-        # Two searches state one set in two ways: the shorter is kept. Values that differ may agree
-        # over one small field: points over two must say it, and real ones, of those ``off`` tells.
-        left = sorted(components, key=lambda c: (c.codimension, sum(map(len, c.relations))))
-        for c in reversed(tuple(left)):
-            # Points of one field, and such fields, that a component must have been met at to be
-            # told from others by them.
-            met = Counter[int]()
-            for p in points:
-                met[p.prime] += int(self.held(p, c).sum())
-            if sum(count >= 12 for count in met.values()) < 2:
-                continue
-            for k in left:
-                if k is c or any((self.held(p, c) & ~self.held(p, k)).any() for p in points):
-                    continue
-                if off is None or not (~off([c]) & off([k])).any():
-                    left = [x for x in left if x is not c]
-                    break
-        return [c for c in components if any(c is k for k in left)]
+    def modular(self, component: Component, prime: int) -> ModularSet:
+        """Return a component modulo a prime, made once."""
+        made = self._sets[prime].of(component, lambda c: ModularSet(c, self.ring, prime))
+        return made  # type: ignore[no-any-return]
 
     def count(self, points: Sequence[SlicePoints], components: Sequence[Component]) -> SliceCount:
         """Hold the points of slices against components."""
-        on = [self.on(p, components) for p in points]
+        on = [p.on(components) for p in points]
         met = np.any([m.any(axis=1) for m in on], axis=0) if on else np.zeros(0)
         primes = tuple(dict.fromkeys(p.prime for p in points if p.slices))
         return SliceCount(
@@ -595,9 +589,31 @@ class Slices:
             int(met.sum()),
         )
 
-    def _modular(self, component: Component, prime: int) -> ModularSet:
-        known = self._sets[prime]
-        return known.of(component, lambda c: ModularSet(c, self.ring, prime))  # type: ignore[no-any-return]
+
+def without_parts(
+    points: Sequence[SlicePoints],
+    components: Sequence[Component],
+    off: Callable[[list[Component]], Bool] | None = None,
+) -> list[Component]:
+    """Return components but for those of whose points, which are many, one other has all."""
+    # Two searches state one set in two ways: the shorter is kept. Values that differ may agree
+    # over one small field: points over two must say it, and real ones, of those ``off`` tells.
+    left = sorted(components, key=lambda c: (c.codimension, sum(map(len, c.relations))))
+    for c in reversed(tuple(left)):
+        # Points of one field, and such fields, that a component must have been met at to be
+        # told from others by them.
+        met = Counter[int]()
+        for p in points:
+            met[p.prime] += int(p.held(c).sum())
+        if sum(count >= 12 for count in met.values()) < 2:
+            continue
+        for k in left:
+            if k is c or any((p.held(c) & ~p.held(k)).any() for p in points):
+                continue
+            if off is None or not (~off([c]) & off([k])).any():
+                left = [x for x in left if x is not c]
+                break
+    return [c for c in components if any(c is k for k in left)]
 
 
 def _has_roots(geometry: Nominal, prime: int) -> bool:
@@ -681,6 +697,19 @@ class RandomSingular:
                 break
         return cls(maker, np.concatenate(found))
 
+    def __len__(self) -> int:
+        return len(self.q)
+
+    def left(self, components: Sequence[Component]) -> RandomSingular:
+        """Those that are clearly on none of some components."""
+        return replace(self, q=self.q[self.off(components)])
+
+    def most_shared(self, values: Mapping[int, Sequence[Value]], tried: set[At]) -> At | None:
+        """The value of a joint that most of them share, of those not tried."""
+        at = [(j, v) for j, some in values.items() for v in some if (j, v) not in tried]
+        shared = {(j, v): int((self.maker.off(self.q, {j: v}) < BLUNT).sum()) for j, v in at}
+        return max((a for a in at if shared[a]), key=lambda a: shared[a], default=None)
+
     def off(self, components: Sequence[Component]) -> Bool:
         """Return which of them are clearly on none of some components: (k,)."""
         left = np.arange(len(self.q))
@@ -704,9 +733,7 @@ class RandomSingular:
 _FOR_VALUES = 0.1
 """Share of the time that minors have which say at what values of joints axes are special."""
 
-At = tuple[int, Value]
 Near = Callable[[Mapping[int, Value], Budget], Sequence[Component]]
-Points = TypeVar("Points", SlicePoints, Array)
 
 
 class SliceSearch:
@@ -763,29 +790,27 @@ class SliceSearch:
             self.kept[prime].append(new)
             if new.slices == len(self.slices.choices):
                 self._turns[prime] += 1
-            off = self._taken_in(self._left(new))
+            off = self._taken_in(new.left(self.components))
             # Searches of many joints after which another field is asked: one alone may be
             # misleading.
             most = None if self.near is None else 2
-            if self._follow(off, self._next, self._left, most):  # what no value explains
+            if self._follow(off, most):  # what no value explains
                 self._open.add(prime)
                 self._turns.pop(prime, None)
                 fields.remove(prime)
         if self.real is not None and not self.time.over:
-            self._follow(self._real_left(), self._next_real, lambda off: self._real_left())
+            self._follow(self.real.left(self.components))
         clean = [p for p in self.kept if p not in self._open]
         counted = [s for p in (clean or self.kept) for s in self.kept[p]]
         if not sum(s.slices for s in counted) or (
             self._open and not clean and len(self._open) < NEEDED
         ):
             return
-        unmet = [
-            c for c in self.components if not any(self.slices.held(p, c).any() for p in counted)
-        ]
+        unmet = [c for c in self.components if not any(p.held(c).any() for p in counted)]
         # Share of the time for whether components that were not met are parts of others.
         time = self.time.part(1.0, 0.03)
         self.components = without_inner(self.components, unmet, self.ring, time)
-        self.components = self.slices.without_parts(
+        self.components = without_parts(
             counted, self.components, None if self.real is None else self.real.off
         )
         self.count = count = self.slices.count(counted, self.components)
@@ -808,17 +833,11 @@ class SliceSearch:
         # up to the second number while one of the components was met on none.
         return sum(self._turns.values()) >= 5 and len(+self._turns) >= NEEDED + len(self._open)
 
-    def _follow(
-        self,
-        off: Points,
-        following: Callable[[Points], At | None],
-        left: Callable[[Points], Points],
-        most: int | None = None,
-    ) -> bool:
+    def _follow(self, off: SlicePoints | RandomSingular, most: int | None = None) -> bool:
         """Search where points on no family lead to, ``most`` in vain; whether some are left."""
         in_vain = 0
         while len(off) and not self.time.stop():
-            at = following(off)
+            at = off.most_shared(self._values(), self._tried)
             if at is None or in_vain == most:
                 return True
             self._tried.add(at)
@@ -826,46 +845,25 @@ class SliceSearch:
             self._search(dict([at]))
             in_vain += 1
             if self.components != before:
-                off, in_vain = left(off), 0
+                off, in_vain = off.left(self.components), 0
         return len(off) > 0
-
-    def _left(self, off: SlicePoints) -> SlicePoints:
-        """Return those of some points that are on no family."""
-        return self.slices.left(off, self.components)
-
-    def _real_left(self) -> Array:
-        """Return the real points that are on no family."""
-        assert self.real is not None
-        return self.real.q[self.real.off(self.components)]
-
-    def _next_real(self, off: Array) -> At | None:
-        """The value of a joint that most of some real points share, of those not tried."""
-        assert self.real is not None
-        shared = {
-            (j, value): count
-            for j, values in self._values().items()
-            for value in values
-            if (j, value) not in self._tried
-            and (count := int((self.real.maker.off(off, {j: value}) < BLUNT).sum()))
-        }
-        return max(shared, key=lambda at: shared[at], default=None)
 
     def _taken_in(self, off: SlicePoints) -> SlicePoints:
         """Return what is left of points when systems that have some of them are components, too."""
         while len(off) and self._unseen and not self.time.stop():
-            has = self.slices.on(off, self._unseen).sum(axis=1).tolist()
+            has = off.on(self._unseen).sum(axis=1).tolist()
             best = max(range(len(has)), key=lambda i: (has[i], self._unseen[i].codimension))
             if not has[best]:
                 break
             c = self._unseen.pop(best)
-            of = map(tuple, off.chosen[self.slices.held(off, c)].tolist())
+            of = map(tuple, off.chosen[off.held(c)].tolist())
             ((most, _),) = Counter(of).most_common(1)
             on = off.at((off.chosen == most).all(axis=1))
-            if c.codimension < self.limit and self.slices.regular_too(on, c):
+            if c.codimension < self.limit and on.regular_too(c):
                 self._unseen += self._cut(c)  # what is singular of it is smaller
             else:
                 self.components.append(c)
-                off = self._left(off)
+                off = off.left(self.components)
         return off
 
     def _cut(self, c: Component) -> list[Component]:
@@ -887,24 +885,6 @@ class SliceSearch:
         shortest = min(found, key=lambda fs: max(map(len, fs), default=0), default=[])
         cuts = (Component(c.values, (*c.relations, f), False, c.codimension + 1) for f in shortest)
         return [settled(cut, self.ring) for cut in cuts]
-
-    def _next(self, off: SlicePoints) -> At | None:
-        """The value of a joint that most of some points share, of those not tried."""
-        shared: Counter[At] = Counter()
-        share: dict[int, float] = {}  # of the points at whose slices a joint varies
-        for j, values in self._values().items():
-            some = off.at((off.chosen == j).any(axis=1))
-            here = Counter(
-                {
-                    (j, v): int(at_value(some.q[:, j], value_modulo(v, p), p).sum())
-                    for p in [off.prime]
-                    for v in values
-                }
-            )
-            share[j] = here.total() / (len(some) + 1)
-            shared += Counter({at: count for at, count in here.items() if at not in self._tried})
-        # The joint at whose values all missing points are, first.
-        return max(shared, key=lambda at: (share[at[0]], shared[at]), default=None)
 
     def _values(self) -> dict[int, list[Value]]:
         """Values of each joint at which axes are special: quarter turns, and factors of minors."""
