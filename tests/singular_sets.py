@@ -17,7 +17,7 @@ from arms import place, serial
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.jacobian_matrix import constants
-from pinsing.algebra.ring import ring_of
+from pinsing.algebra.ring import make_ring
 from pinsing.families import ClosedForm, closed_form
 from pinsing.kinematics.jacobian import generic_rank, task_jacobians
 from pinsing.kinematics.refine import walk
@@ -256,4 +256,4 @@ def sliding_equation(form: ClosedForm) -> Equation:
 def ring_for(geometry: Nominal) -> Any:
     """The ring that an arm's Jacobian is over."""
     slides = tuple(bool(p) for p in geometry.arm.prismatic)
-    return ring_of(slides, constants(geometry, geometry.arm.task), Budget(60))
+    return make_ring(slides, constants(geometry, geometry.arm.task), Budget(60))

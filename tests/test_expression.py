@@ -11,7 +11,7 @@ from singular_sets import RIGHT, Array, arm_of, closed, terms
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import equation
-from pinsing.algebra.ring import Poly, Ring, make_ring, ring_of
+from pinsing.algebra.ring import Poly, Ring, make_ring
 from pinsing.families import Equation
 from pinsing.families.zero_set import fix_joint, never_zero, proven_empty
 from pinsing.robot.surd import surd
@@ -60,7 +60,7 @@ def test_numbers_equal_the_polynomial(seed: int) -> None:
     rng = np.random.default_rng(seed)
     root = surd(Fraction(0), Fraction(1), Fraction(0), Fraction(0))
     roots = [root] * (seed % 2)
-    ring = ring_of((False, seed % 3 == 0, False, seed % 4 == 1), roots, Budget(10))
+    ring = make_ring((False, seed % 3 == 0, False, seed % 4 == 1), roots, Budget(10))
     degrees = [int(d) for d in rng.integers(0, 4, 4)]
     poly = random_poly(ring, rng, degrees, 9)
     if poly == 0 or poly.is_constant():

@@ -8,12 +8,12 @@ from flint import fmpq, fmpq_mat
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.jacobian_matrix import determinant, independent_rows
-from pinsing.algebra.ring import Ring, make_ring, ring_of
+from pinsing.algebra.ring import Ring, make_ring
 from pinsing.robot.surd import surd
 
 SLIDES = (False, False, True)
 PLAIN = make_ring(SLIDES)
-ROOTS = ring_of(
+ROOTS = make_ring(
     SLIDES, [surd(*(Fraction(int(k == i)) for k in range(4))) for i in (1, 2)], Budget(60.0)
 )
 

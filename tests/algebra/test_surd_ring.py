@@ -10,14 +10,14 @@ from tiers import tiered
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.real_roots import real_roots
-from pinsing.algebra.ring import _EXPONENTS, WORD_PRIME, Ring, make_ring, ring_of
+from pinsing.algebra.ring import _EXPONENTS, WORD_PRIME, Ring, make_ring
 from pinsing.robot.surd import cosine, residue, root_modulo, surd
 
 ROOT2, ROOT3, ROOT6 = (surd(*(Fraction(int(i == k)) for i in range(4))) for k in (1, 2, 3))
 
 
 def ring(*numbers, prismatic=(False, False, True)) -> Ring:
-    made = ring_of(prismatic, numbers, Budget(60))
+    made = make_ring(prismatic, numbers, Budget(60))
     assert made.roots
     return made
 
@@ -34,7 +34,7 @@ def product(r, polys):
 
 
 def test_the_ring_has_the_roots_that_are_needed():
-    assert ring_of((False,), [Fraction(1, 3), Fraction(2)], Budget(1)) == make_ring((False,))
+    assert make_ring((False,), [Fraction(1, 3), Fraction(2)], Budget(1)) == make_ring((False,))
     assert ring(cosine(3)).roots == (2,)
     assert ring(cosine(2), Fraction(1, 2)).roots == (3,)
     assert (ring(ROOT2, ROOT3).roots, ring(cosine(1)).roots) == ((2, 3), (2, 3))

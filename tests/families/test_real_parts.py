@@ -15,7 +15,7 @@ from pinsing.algebra.real_roots import (
     real_solutions,
     semidefinite,
 )
-from pinsing.algebra.ring import make_ring, ring_of
+from pinsing.algebra.ring import make_ring
 from pinsing.families import closed_form
 from pinsing.families.form import families_text
 from pinsing.kinematics.jacobian import ratios
@@ -126,7 +126,7 @@ def test_finite_systems(ring):
 
 def test_finite_systems_with_square_roots():
     root = cosine(3)  # sqrt(2) / 2
-    ring = ring_of((False, False), [root], Budget(30.0))
+    ring = make_ring((False, False), [root], Budget(30.0))
     x1, y1, x2, y2, *_ = ring.context.gens()
     p = ring.reduce(y1 - ring.number(root) * x1)
     g = y2 * x1 - y1 * x2

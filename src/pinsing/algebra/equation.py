@@ -349,11 +349,6 @@ class Equation(Memory):
         pieces = pieces if len(pieces) > 1 else [(1.0, body) for _, body in pieces]
         return f"{signed_sum(pieces)} = 0"
 
-    def leading(self) -> float:
-        """Return the coefficient that is read first."""
-        every = ((t, float(x)) for t in self._reading_order for x in (self.cos[t], self.sin[t]))
-        return next((x for t, x in every if self._tells(t, x)), 0.0)
-
     def _tells(self, t: int, coefficient: float) -> bool:
         """Whether a coefficient of a term is more than rounding, or of no angle."""
         return abs(coefficient) > _NOTHING * self.size or not self.frequencies[t].any()
@@ -485,7 +480,8 @@ def equation(poly: Poly, ring: Ring, joints: Sequence[str], offset: Array) -> Eq
         shift=shift,
     )
     shared = Fraction(math.gcd(*(p.numerator for p in parts)))  # they are whole
-    if draft.leading() < 0:
+    every = ((t, float(x)) for t in draft._reading_order for x in (draft.cos[t], draft.sin[t]))
+    if next((x for t, x in every if draft._tells(t, x)), 0.0) < 0:  # the one that is read first
         draft, shared = draft.scaled(-1.0), -shared
     exact = tuple((exact_text(c / shared), exact_text(s / shared)) for c, s in pairs)
     return replace(draft, exact=exact)

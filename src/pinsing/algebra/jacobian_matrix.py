@@ -290,13 +290,6 @@ class _Chain:
             scale = self.of(scale, d)
         return p, scale
 
-    def screw(self, j: int, middle: int) -> tuple[list[Poly], list[Poly]]:
-        """Return the screw (v, w) of joint j, seen from joint ``middle``."""
-        axis = [self.ring.zero, self.ring.zero, self.ring.one]
-        none = [self.ring.zero] * 3
-        v, w = (axis, none) if self.geometry.prismatic[j] else (none, axis)
-        return self.seen(v, w, j, middle)
-
     def seen(
         self, v: list[Poly], w: list[Poly], j: int, middle: int, still: bool = False
     ) -> tuple[list[Poly], list[Poly]]:
@@ -312,7 +305,7 @@ class _Chain:
         return v, w
 
     def scale(self, j: int, middle: int) -> Poly:
-        """What ``screw`` is over: x^2 + y^2 of each joint that turns on the way."""
+        """What a screw, as ``seen``, is over: x^2 + y^2 of each joint that turns on the way."""
         return functools.reduce(self.of, (d for *_, d in self.poses(j, middle)), self.ring.one)
 
     def directions(self, middle: int, task: Task) -> dict[int, Row]:
@@ -335,11 +328,14 @@ class _Chain:
         self, joints: Sequence[int], middle: int, rows: Callable[[Row, Row], Row]
     ) -> Matrix:
         """Columns of some of the arm's joints: ``rows`` of screws (v, w), up to factors."""
-        out = []
+        none, axis, out = [self.ring.zero] * 3, [self.ring.zero, self.ring.zero, self.ring.one], []
         for joint in joints:
             self.time.check()
             moved = driven_by(self.drives, joint)
-            found = [rows(*self.screw(j, middle)) for j in moved]
+            slides = self.geometry.prismatic
+            screws = [(axis, none) if slides[j] else (none, axis) for j in moved]
+            seen = (self.seen(*s, j, middle) for s, j in zip(screws, moved, strict=True))
+            found = [rows(v, w) for v, w in seen]
             total = found[0]
             if len(moved) > 1:  # a joint and its followers, each over a scale of its own
                 scales = [self.scale(j, middle) for j in moved]

@@ -593,9 +593,10 @@ class Ring:
 
 
 def make_ring(
-    prismatic: Sequence[bool], roots: tuple[int, ...] = (), time: Budget = _ENDLESS
+    prismatic: Sequence[bool], numbers: Sequence[Exact] = (), time: Budget = _ENDLESS
 ) -> Ring:
-    """Ring of a chain with these joints, and square roots."""
+    """Ring of a chain with these joints, and with the square roots that some numbers have."""
+    roots = roots_of(numbers)
     names: list[str] = []
     start: list[int] = []
     for j, slides in enumerate(prismatic, 1):
@@ -633,11 +634,6 @@ def modular_context(names: tuple[str, ...], prime: int) -> Any:
     """Flint's ring of polynomials modulo a prime, lexicographic order."""
     kind = nmod_mpoly_ctx if prime.bit_length() < 64 else fmpz_mod_mpoly_ctx
     return kind.get(list(names), prime, Ordering.lex)
-
-
-def ring_of(prismatic: Sequence[bool], numbers: Sequence[Exact], time: Budget) -> Ring:
-    """Ring of a chain, with the square roots that its constants have."""
-    return make_ring(prismatic, roots_of(numbers), time)
 
 
 def _primes(bits: int) -> Iterator[int]:

@@ -28,7 +28,7 @@ from flint import fmpq_mat
 from pinsing.algebra.budget import Apart, Budget, BudgetExceeded
 from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.mimic import NotFollowed
-from pinsing.algebra.ring import MadeOfEqual, ring_of
+from pinsing.algebra.ring import MadeOfEqual, make_ring
 from pinsing.families.faithful import disagreements
 from pinsing.families.form import ClosedForm, Proof
 from pinsing.families.proof_forms import (
@@ -694,7 +694,7 @@ def certificate(
         numbers = constants(geometry, geometry.arm.task)
     except NotFollowed as reason:
         raise NotFound(f"the algebra does not follow a mimic joint: {reason}") from None
-    ring = ring_of(tuple(bool(p) for p in geometry.arm.prismatic), numbers, budget)
+    ring = make_ring(tuple(bool(p) for p in geometry.arm.prismatic), numbers, budget)
     # It is of the polynomials, not of what is stated: unless these are known to agree.
     if form.families is not form.faithful:
         for off in disagreements(form.families, (), ring, geometry, form.symbols):

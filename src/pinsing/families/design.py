@@ -32,7 +32,7 @@ from pinsing.algebra.equation import Equation, equation, format_angle
 from pinsing.algebra.generic_points import Residues
 from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
 from pinsing.algebra.mimic import own_offsets
-from pinsing.algebra.ring import Matrix, Poly, Ring, ring_of
+from pinsing.algebra.ring import Matrix, Poly, Ring, make_ring
 from pinsing.description.dh_table import BASE, FLANGE, TIP, DHTable, bare_urdf, read_dh, with_turns
 from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
 from pinsing.interface import JsonResult, checked
@@ -715,7 +715,7 @@ def design_form(lengths: Lengths, joints: Sequence[str], seconds: float) -> Desi
     slides = [not angle for angle in (*(True for _ in joints), *lengths.angles)]
     for j, slide in zip(lengths.order, geometry.prismatic, strict=True):
         slides[j] = slide
-    ring = ring_of(tuple(slides), constants(geometry, task), budget)
+    ring = make_ring(tuple(slides), constants(geometry, task), budget)
     whole = jacobian_matrix(_symbolic(lengths, ring), ring, task, budget, lengths.order)
     matrix = [row[:n] for row in whole]
     rank = _rank(matrix, ring)

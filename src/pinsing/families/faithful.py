@@ -101,7 +101,7 @@ class _Exact:
             if j not in there or self._apart(j, there[j] - value) > ALIKE:
                 return False
         # Random configurations at which equations are compared with relations.
-        q = self._random(6)
+        q = self.rng.uniform(-self.reach, self.reach, (6, len(self.reach)))
         q[:, list(there)] = list(there.values())
         x = self._variables(q)
         stated = [_unit(e(q), e.unit) for e in branch.equations]
@@ -131,7 +131,7 @@ class _Exact:
         ]
         # Choices of free joints by which points of a component are looked for, and such points.
         values, found = self._values(component), False
-        starts = self._random(3)
+        starts = self.rng.uniform(-self.reach, self.reach, (3, len(self.reach)))
         starts[:, list(values)] = list(values.values())
         points = (self._followed(conditions, q, frozenset(values), ALIKE) for q in starts)
         for q, tol in itertools.islice(itertools.chain.from_iterable(points), 257):
@@ -181,9 +181,6 @@ class _Exact:
             turned = 0.0 if self.slides[j] else 2 * math.atan2(numbers[1], numbers[0])
             out[j] = numbers[0] if self.slides[j] else turned - float(self.offset[j])
         return out
-
-    def _random(self, count: int) -> Array:
-        return self.rng.uniform(-self.reach, self.reach, (count, len(self.reach)))
 
     def _form(self, poly: Poly) -> _Form:
         return self._made.of(poly, lambda p: _Form(p, self.ring))  # type: ignore[no-any-return]

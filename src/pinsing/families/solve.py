@@ -40,7 +40,7 @@ from pinsing.algebra.components import (
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
 from pinsing.algebra.mimic import NotFollowed, drives
-from pinsing.algebra.ring import Poly, Ring, Value, ring_of
+from pinsing.algebra.ring import Poly, Ring, Value, make_ring
 from pinsing.errors import OptionError
 from pinsing.families.certificate import LONG, prove as add_proof, prove_briefly
 from pinsing.families.describe import (
@@ -226,7 +226,7 @@ class ComponentSearch:
         slides = tuple(bool(p) for p in self.arm.prismatic)
         # Families are described after the search, in the same ring: polynomials with square roots
         # may take more time than the search.
-        self.ring = ring_of(slides, constants(geometry, self.task), time.part(1.0, 1.2))
+        self.ring = make_ring(slides, constants(geometry, self.task), time.part(1.0, 1.2))
         self.maker = self.new_maker()
         self.components: list[Component] = []
         self.gaps: list[str] = []

@@ -22,7 +22,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
 from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.mimic import own_offsets
-from pinsing.algebra.ring import Poly, Value, rational, ring_of
+from pinsing.algebra.ring import Poly, Value, make_ring, rational
 from pinsing.errors import OptionError
 from pinsing.families.family import Family, asked_for
 from pinsing.families.proof_forms import content
@@ -67,7 +67,7 @@ class _SystemMaker:
     def __init__(self, chosen: Sequence[Family], geometry: Nominal, symbols: Sequence[str]) -> None:
         self.symbols, self.chosen = symbols, chosen
         self.prismatic = tuple(bool(p) for p in geometry.arm.prismatic)
-        self.ring = ring_of(self.prismatic, constants(geometry, geometry.arm.task), Budget(10.0))
+        self.ring = make_ring(self.prismatic, constants(geometry, geometry.arm.task), Budget(10.0))
         self.joints = sorted(
             {
                 j

@@ -59,10 +59,6 @@ class SearchBox:
         inside = (q >= self.lower - slack) & (q <= self.upper + slack) | but
         return np.asarray(inside.all(axis=-1))
 
-    def holds(self, q: Array, slack: float = ROUNDING) -> Bool:
-        """Return which of some configurations (N, n) have free joints inside."""
-        return self.inside(q, slack, ~self.free)
-
 
 MOST_ORDERED = 3
 """Equations at once, of which all orders are tried."""
@@ -291,7 +287,7 @@ def search(
         # Most are there, up to rounding, unless equations are left that no joint was solved from.
         iterations = 3 if len(way) == len(equations) else 20
         q, ok = project(equations, q, free, iterations, within)
-        found.append(q[ok & box.holds(q)][:missing])
+        found.append(q[ok & box.inside(q, but=~free)][:missing])
         missing -= len(found[-1])
         if missing <= 0:
             return np.concatenate(found)
@@ -343,12 +339,12 @@ def _from_random(
         q, _ = project(short, q, box.free, 20, stop)
     q, ok = project(equations, q, box.free, 30, stop)
     for _ in range(12):  # back into the box, and onto the set again
-        out = np.flatnonzero(ok & ~box.holds(q, 1e-12))
+        out = np.flatnonzero(ok & ~box.inside(q, 1e-12, ~box.free))
         if not len(out):
             break
         clipped = np.where(box.free, np.clip(q[out], box.lower, box.upper), q[out])
         q[out], ok[out] = project(equations, clipped, box.free, 30, stop)
-    return np.asarray(q[ok & box.holds(q)])
+    return np.asarray(q[ok & box.inside(q, but=~box.free)])
 
 
 def fix_joint(equation: Equation, joint: int, value: float) -> Equation | None:
