@@ -176,7 +176,7 @@ def failed(error: Exception, monkeypatch: pytest.MonkeyPatch) -> Any:
     def fail(*_: object, **__: object) -> None:
         raise error
 
-    monkeypatch.setattr(importlib.import_module("pinsing.robot.load"), "_read", fail)
+    monkeypatch.setattr(importlib.import_module("pinsing.robot.load"), "given_file", fail)
     return run("list", "planar3r")
 
 

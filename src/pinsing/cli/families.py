@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from pinsing import families, proximity, robot, sampling
 from pinsing.cli import STOPPED, completion
 from pinsing.cli.mechanism import (
     analyze_loops,
@@ -64,11 +65,8 @@ from pinsing.errors import OptionError, RobotFileError
 from pinsing.prose import Page
 
 if TYPE_CHECKING:
-    from pinsing.families import ClosedForm
     from pinsing.families.solve import Prove
-    from pinsing.proximity.zones import Zones
     from pinsing.robot.arm import Arm
-    from pinsing.sampling.generalize import Finding
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -254,8 +252,6 @@ def sweep_command(
         f"-o {npz} and -o {folder}: the folder gets the curves already",
     )
     from pinsing.interface import encode
-    from pinsing.robot.nominal import nominal
-    from pinsing.sampling.analyze import singular_configurations
     from pinsing.sampling.execute import ctrl_c_afterwards
     from pinsing.sampling.sweeps import (
         CURVES,
@@ -266,7 +262,11 @@ def sweep_command(
         sweep_text,
     )
 
-    tests = nominal(arm, angle_tol=RAW_ANGLE_TOL).arm if geometry == "raw" else nominal(arm).arm
+    tests = (
+        robot.nominal(arm, angle_tol=RAW_ANGLE_TOL).arm
+        if geometry == "raw"
+        else robot.nominal(arm).arm
+    )
     swept = tests if geometry == "nominal" else arm
     plan = plan_sweep(swept, **chosen, geometry=tests)
     say(f"{plan.n_curves} curves, {plan.n_jacobians} Jacobians")
@@ -274,7 +274,7 @@ def sweep_command(
     if npz is not None:  # a file is asked for its curves
         check_keep(plan, not no_keep)
     result = None
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[sampling.Finding, ...] = ()
     told = False
     try:
         with place() as where, run_progress() as progress, ctrl_c_afterwards():
@@ -286,7 +286,7 @@ def sweep_command(
             say(f"wrote {written}")
         if folder is not None and result.complete:
             say(f"wrote {folder / CURVES}")
-        findings = singular_configurations(swept, result, geometry=tests)
+        findings = sampling.singular_configurations(swept, result, geometry=tests)
         told = True
     except KeyboardInterrupt:  # what was swept is an answer without them
         if result is None:
@@ -334,12 +334,10 @@ def analyze_command(
 
     With --fail-if-singular, exits with 1 if any is within the joint limits.
     """
-    from pinsing.sampling.analyze import analyze
-
     if random_starts is not None:
         chosen["random_starts"] = random_starts
     with run_progress() as progress:
-        analysis = analyze(arm, geometry=geometry, progress=progress, **chosen, **algebra)
+        analysis = sampling.analyze(arm, geometry=geometry, progress=progress, **chosen, **algebra)
     if not emit_json(analysis, json_target):
         from pinsing.sampling.analyze import analysis_text
 
@@ -552,11 +550,10 @@ def families_command(
         )
         return _symbolic(request, symbolic, latex, algebra, json_target, fail_if_singular)
     arm = request.load()
-    from pinsing.families import closed_form, prove as add_proof
     from pinsing.families.certificate import LONG
     from pinsing.families.form import answer_text, certainty, families_text
 
-    def written(form: ClosedForm, undecided: bool = False) -> str:
+    def written(form: families.ClosedForm, undecided: bool = False) -> str:
         if latex:
             return form.latex(legend=True, exact=exact)
         details = families_text(form, Page.of(), in_degrees(deg), exact=exact, undecided=undecided)
@@ -568,7 +565,7 @@ def families_command(
     long = prove is True or certificate is not None
     with waiting() as step:
         step("looking for families")
-        found = closed_form(arm, **algebra, prove=prove and "auto")
+        found = families.closed_form(arm, **algebra, prove=prove and "auto")
     again = long and found.word != "proven"
     if json_target is None:
         emit(written(found, undecided=again))
@@ -576,7 +573,7 @@ def families_command(
         with waiting() as step:
             told = functools.partial(step, "looking for a certificate")
             told()
-            found = add_proof(found, algebra.get("seconds", LONG), told)
+            found = families.prove(found, algebra.get("seconds", LONG), told)
     if json_target is not None:
         if not emit_json(found, json_target):
             emit(written(found))
@@ -598,15 +595,13 @@ def _symbolic(
     fail_if_singular: bool,
 ) -> int:
     """Families with lengths as symbols."""
-    from pinsing.families import closed_form
-
-    found = closed_form(request.load(), symbols=symbols, **algebra)
+    found = families.closed_form(request.load(), symbols=symbols, **algebra)
     if json_target is None or not emit_json(found, json_target):
         emit("\n".join(f.latex for f in found.families) if latex else str(found))
     return int(fail_if_singular and bool(found.families))
 
 
-def _write_system(form: ClosedForm, chosen: tuple[str, ...], path: Path) -> None:
+def _write_system(form: families.ClosedForm, chosen: tuple[str, ...], path: Path) -> None:
     from pinsing.families.system import language_of, system_text
 
     language = language_of(path)
@@ -676,7 +671,7 @@ def _verified(file: Path, seconds: float) -> tuple[bool, str]:
 @command("export")
 @arm_options
 @click.option(
-    "--family", "families", multiple=True, metavar="NAME", help="Only this family; repeatable."
+    "--family", "only", multiple=True, metavar="NAME", help="Only this family; repeatable."
 )
 @click.option(
     "--prefix", metavar="NAME", help="What names in C begin with.  [default: the robot's name]"
@@ -689,10 +684,10 @@ def export_command(
     request: RobotRequest,
     c: str | Path | None,
     python: str | Path | None,
-    families: tuple[str, ...],
+    only: tuple[str, ...],
     prefix: str | None,
     seconds: float | None,
-    zones: Zones | None,
+    zones: proximity.Zones | None,
     prove: Prove,
 ) -> None:
     """Write the singular families of ROBOT as one file without dependencies.
@@ -706,13 +701,12 @@ def export_command(
     """
     OptionError.refuse_if(c == python == STDOUT, "-o -.h and -o -.py both go to standard output")
     arm = request.load()
-    from pinsing.families import closed_form
     from pinsing.proximity.monitor import make_guard
 
     with waiting() as step:
         step("looking for families")
-        form = closed_form(arm, seconds=seconds, prove=prove)
-    asked = families or None
+        form = families.closed_form(arm, seconds=seconds, prove=prove)
+    asked = only or None
     made = {
         language: (
             target,

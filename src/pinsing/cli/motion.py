@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 from click.core import ParameterSource
 
+from pinsing import families, kinematics, postures, proximity, robot, view
 from pinsing.cli.options import (
     VECTOR,
     JointValues,
@@ -70,15 +71,10 @@ from pinsing.errors import ConfigurationError, OptionError, PinsingError
 from pinsing.prose import Page
 
 if TYPE_CHECKING:
-    from pinsing.families import ClosedForm
-    from pinsing.kinematics.at import State
     from pinsing.kinematics.lost_motion import LostMotion
     from pinsing.measures import Array
-    from pinsing.postures.aspects import Aspects
     from pinsing.proximity.clearance import Distances, FamilyDistance
-    from pinsing.proximity.trajectory import TrajectoryCheck
     from pinsing.proximity.trajectory_file import TrajectoryFile
-    from pinsing.proximity.zones import Zones
     from pinsing.robot.arm import Arm
 
 
@@ -227,12 +223,12 @@ def read_samples(
     help="Exit with code 1 unless it is proven to stay farther away than this.",
 )
 @click.option(
-    "--family", "families", multiple=True, metavar="NAME", help="Only this family; repeatable."
+    "--family", "only", multiple=True, metavar="NAME", help="Only this family; repeatable."
 )
 @tip_speed_options
 @joint_speeds_option
 @zones_option
-@click.option("--view", "view", is_flag=True, help="Show the path in a browser, by clearance.")
+@click.option("--view", "live", is_flag=True, help="Show the path in a browser, by clearance.")
 @click.option("--no-open", is_flag=True, help="With --view: do not open a browser.")
 @output_option(json_target=".json", html=".html", plot=".png .svg .pdf")
 def check_command(
@@ -244,13 +240,13 @@ def check_command(
     columns: tuple[str, ...] | None,
     near: float,
     fail_within: float | None,
-    families: tuple[str, ...],
+    only: tuple[str, ...],
     tip_speed: float,
     turn_speed: float,
     joint_speeds: str | None,
-    zones: Zones | None,
+    zones: proximity.Zones | None,
     plot: Path | None,
-    view: bool,
+    live: bool,
     html: Path | None,
     no_open: bool,
     json_target: str | Path | None,
@@ -268,10 +264,9 @@ def check_command(
         f"--follow judges serial arms alone: {request.robot} has closed loops",
     )
     arm = request.load()
-    from pinsing.families import closed_form
 
     if follow is not None:
-        if any((file, families, columns, fail_within, plot, view, html, json_target)):
+        if any((file, only, columns, fail_within, plot, live, html, json_target)):
             said = "leave out FILE, --family, --columns, --fail-within, --view and -o"
             raise OptionError(f"--follow STREAM prints a verdict for each line: {said}")
         source = click.get_current_context().get_parameter_source
@@ -290,14 +285,14 @@ def check_command(
 
     read = read_samples(file, arm, units, columns)
     with doing("looking for families"):
-        form = closed_form(arm)
+        form = families.closed_form(arm)
     with run_progress() as progress:
         check = check_trajectory(
             arm,
             read.Q,
             read.t,
             forms=form,
-            families=families or None,
+            families=only or None,
             near=near,
             tip_speed=tip_speed,
             turn_speed=turn_speed,
@@ -309,55 +304,52 @@ def check_command(
         off_screen()
         from pinsing.plot.curves import clearance_along
 
-        axes: Any = clearance_along(form, read.Q, read.t, families=families or None)
+        axes: Any = clearance_along(form, read.Q, read.t, families=only or None)
         save_figure(axes.figure, plot, bbox_inches="tight")
     if not emit_json(check, json_target):
         degrees = in_degrees(deg)
         answer = summary(check, degrees, file.name, request.words)
         emit_lines(f"{answer}\n\n{details(check, degrees)}")
-    if view or html is not None:
+    if live or html is not None:
         from pinsing.families.form import coverage_words
         from pinsing.view.trajectory import trajectory_data
-        from pinsing.view.viewer import Viewer
 
         said = coverage_words(form)
         shown = trajectory_data(
             arm, check, read.Q, read.t, name=file.name, robot=request.words, notes=read.notes
         )
-        viewer = Viewer(arm, form.families, shown=shown, coverage=said)
-        show_page(arm.name, lambda at: viewer, view, html=html, no_open=no_open)
+        viewer = view.Viewer(arm, form.families, shown=shown, coverage=said)
+        show_page(arm.name, lambda at: viewer, live, html=html, no_open=no_open)
     return int(fail_within is not None and not check.clearance > fail_within)
 
 
 def with_aspects(
-    check: TrajectoryCheck, arm: Arm, form: ClosedForm, Q: Array, t: Array | None
-) -> TrajectoryCheck:
+    check: proximity.TrajectoryCheck, arm: Arm, form: families.ClosedForm, Q: Array, t: Array | None
+) -> proximity.TrajectoryCheck:
     """Return a check with the changes of aspect, where it crosses, and the posture to start in."""
     if all(c.kind != "crossing" for c in check.crossings):
         return check
-    from pinsing.postures.aspects import aspect_changes, aspects
 
     with doing("counting the aspects"):
-        found = aspects(form, not check.outside)
+        found = postures.aspects(form, not check.outside)
     if not found.proven:
         skipped = "changes of aspect are left out: not all aspects are distinguished"
         return replace(check, notes=(*check.notes, skipped))
     # Of a robot with a design, no way in its aspect is known to be regular.
     other, alone = _posture_of_the_end(arm, Q, found) if form.tube is None else (None, False)
-    changes = aspect_changes(form, Q, t, of=found)
+    changes = postures.aspect_changes(form, Q, t, of=found)
     return replace(check, aspect_changes=changes, other=other, alone=alone and not check.outside)
 
 
-def _posture_of_the_end(arm: Arm, Q: Array, found: Aspects) -> tuple[Array | None, bool]:
+def _posture_of_the_end(arm: Arm, Q: Array, found: postures.Aspects) -> tuple[Array | None, bool]:
     """Another posture of the first pose, in the aspect that the end is in; whether none is left."""
-    from pinsing.kinematics.inverse import inverse
     from pinsing.kinematics.jacobian import tip_placement
 
     end = found.of(Q[-1])
     if end is None or arm.n > 6 or arm.coupling is not None:
         return None, False
-    postures = inverse(arm, tip_placement(arm, Q[0]).homogeneous, near=Q[0])
-    usable = [s for s in postures if s.regular and s.within_limits]
+    solutions = kinematics.inverse(arm, tip_placement(arm, Q[0]).homogeneous, near=Q[0])
+    usable = [s for s in solutions if s.regular and s.within_limits]
     for s in usable:
         near = Q[-1] + arm.space.wrap(s.q - Q[-1])  # of its whole-turn copies the nearest
         near[arm.space.outside(near)] = s.q[arm.space.outside(near)]
@@ -372,12 +364,12 @@ def _followed(
 ) -> int:
     """Judge each line that comes. A plain file is read whole; of a live stream, old lines go."""
     from pinsing._batch import engine
-    from pinsing.families import closed_form
     from pinsing.proximity.monitor import Follower, follow
 
     if not engine.available():
         say("note: without the compiled kernel a verdict may take half a second")
-    follower, judged = Follower(closed_form(arm), arm, degrees, near, told=say, **more), False
+    form, judged = families.closed_form(arm), False
+    follower = Follower(form, arm, degrees, near, told=say, **more)
     with _ended_at_once(), followed(file) as (lines, live):
         gc.freeze()  # a collection of all that was imported takes many milliseconds
         for said in follow(follower, lines, live):
@@ -468,11 +460,10 @@ def at_command(
     from pinsing.kinematics.at import LABEL, at, state_text
     from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
     from pinsing.proximity.clearance import distance_words
-    from pinsing.robot.nominal import nominal
 
     values = q(arm)
     state = at(
-        nominal(arm.design or arm).arm if use_nominal else arm,
+        robot.nominal(arm.design or arm).arm if use_nominal else arm,
         values,
         rtol=SINGULAR_RTOL if rtol is None else rtol,
         near_rtol=NEAR_RTOL if near_rtol is None else near_rtol,
@@ -501,7 +492,10 @@ def at_command(
 
 
 def _answer(
-    state: State, found: tuple[ClosedForm, Distances] | None, degrees: bool, robot: str
+    state: kinematics.State,
+    found: tuple[families.ClosedForm, Distances] | None,
+    degrees: bool,
+    name: str,
 ) -> str:
     """Return what is wrong there, if anything, what is near, and what to do: five lines at most."""
     from pinsing.interface import typed
@@ -548,7 +542,7 @@ def _answer(
         lines.append(f"  {watched.tube}")
     typed_q = typed(state.q, arm.prismatic, degrees, digits=6)
     word = "Other postures" if state.singular else "See it"
-    lines.append(f"  {word}: pinsing {'postures' if state.singular else 'view'} {robot} {typed_q}")
+    lines.append(f"  {word}: pinsing {'postures' if state.singular else 'view'} {name} {typed_q}")
     return "\n".join(lines)
 
 
@@ -560,7 +554,9 @@ def _plain(motion: LostMotion) -> str:
     return f"cannot move in direction {where} with the tool's orientation held"
 
 
-def _nearest(form: ClosedForm, others: list[FamilyDistance], state: State) -> FamilyDistance | None:
+def _nearest(
+    form: families.ClosedForm, others: list[FamilyDistance], state: kinematics.State
+) -> FamilyDistance | None:
     """The nearest family, within the joint limits where the configuration is; None without any."""
     from pinsing.measures import ALIKE
 
@@ -584,7 +580,7 @@ def _amount(value: float, degrees: bool, sign: str = "") -> str:
     return f"{math.degrees(value):{sign}.4g}°" if degrees else f"{value:{sign}.4g}"
 
 
-def _distances(arm: Arm, q: Array) -> tuple[ClosedForm, Distances] | None:
+def _distances(arm: Arm, q: Array) -> tuple[families.ClosedForm, Distances] | None:
     """Distances to all families; none, and why, where closed forms are not to be had."""
     from pinsing.families.solve import form_to_measure
     from pinsing.proximity.clearance import distances
@@ -622,7 +618,7 @@ def _distances(arm: Arm, q: Array) -> tuple[ClosedForm, Distances] | None:
     help="How far from --near it may be, such as 30deg.  [default: 0.5rad]",
 )
 @click.option(
-    "--family", "families", multiple=True, metavar="NAME", help="Only this family; repeatable."
+    "--family", "only", multiple=True, metavar="NAME", help="Only this family; repeatable."
 )
 @click.option(
     "--seed", type=int, default=0, show_default=True, metavar="N", help="Of the search's starts."
@@ -633,7 +629,7 @@ def suggest_command(
     request: RobotRequest,
     near: JointValues | None,
     reach: float | None,
-    families: tuple[str, ...],
+    only: tuple[str, ...],
     seed: int,
     deg: bool,
     json_target: str | Path | None,
@@ -646,11 +642,10 @@ def suggest_command(
     """
     OptionError.refuse_if(reach is not None and near is None, "--reach is for use with --near")
     arm = request.load()
-    from pinsing.proximity.clearance import suggest
 
-    chosen = chosen_for(arm, near=near, reach=reach, families=families or None)
+    chosen = chosen_for(arm, near=near, reach=reach, families=only or None)
     with doing("searching for a configuration"):
-        found = suggest(arm, seed=seed, **chosen)
+        found = proximity.suggest(arm, seed=seed, **chosen)
     if not emit_json(found, json_target):
         emit_lines(found.text(in_degrees(deg)))
 
@@ -673,11 +668,9 @@ def aspects_command(
     Example: pinsing postures --aspects ur5
     """
     arm = request.load()
-    from pinsing.families import closed_form
-    from pinsing.postures.aspects import aspects
 
     with doing("counting aspects"):
-        found = aspects(closed_form(arm), limits=not ignore_limits)
+        found = postures.aspects(families.closed_form(arm), limits=not ignore_limits)
     if not emit_json(found, json_target):
         emit_lines(found.text(in_degrees(deg)))
 
@@ -692,7 +685,7 @@ def aspects_command(
     help="A configuration: joint values, base to tip, radians (or --deg) and metres.",
 )
 @_ignore_limits
-@click.option("--view", "view", is_flag=True, help="Show them in a browser.")
+@click.option("--view", "live", is_flag=True, help="Show them in a browser.")
 @click.option("--no-open", is_flag=True, help="With --view: do not open a browser.")
 @deg_option
 @output_option(json_target=".json", html=".html")
@@ -700,7 +693,7 @@ def postures_command(
     request: RobotRequest,
     q: JointValues,
     ignore_limits: bool,
-    view: bool,
+    live: bool,
     html: Path | None,
     no_open: bool,
     deg: bool,
@@ -713,22 +706,19 @@ def postures_command(
     Example: pinsing postures ur5 --q 10,-70,75,-90,-80,0 --deg
     """
     arm = request.load()
-    from pinsing.families import closed_form
-    from pinsing.postures.changes import posture_changes
 
     at = q(arm)
     with doing("looking for other postures and paths to them, for a minute or so"):
-        form = closed_form(arm)
-        found = posture_changes(arm, at, forms=form, limits=not ignore_limits)
+        form = families.closed_form(arm)
+        found = postures.posture_changes(arm, at, forms=form, limits=not ignore_limits)
     if not emit_json(found, json_target):
         emit_lines(found.text(in_degrees(deg)))
-    if view or html is not None:
+    if live or html is not None:
         from pinsing.families.form import coverage_words
-        from pinsing.view.viewer import Viewer
 
         said = coverage_words(form)
-        viewer = Viewer(arm, form.families, postures=found, coverage=said)
-        show_page(arm.name, lambda at: viewer, view, html=html, no_open=no_open)
+        viewer = view.Viewer(arm, form.families, postures=found, coverage=said)
+        show_page(arm.name, lambda at: viewer, live, html=html, no_open=no_open)
 
 
 @command("cuspidal")
@@ -750,11 +740,9 @@ def cuspidal_command(
     Example: pinsing postures --cuspidal puma560 --poses 20
     """
     arm = request.load()
-    from pinsing.families import closed_form
-    from pinsing.postures.changes import cuspidality
 
     with doing("trying random poses"):
-        found = cuspidality(arm, forms=closed_form(arm), poses=poses, seed=seed)
+        found = postures.cuspidality(arm, forms=families.closed_form(arm), poses=poses, seed=seed)
     if not emit_json(found, json_target):
         emit_lines(found.text(in_degrees(deg)))
 
@@ -891,7 +879,6 @@ def path_command(
     arm = request.load()
     from pinsing.families.solve import form_to_measure
     from pinsing.postures.placement import read_poses
-    from pinsing.postures.toolpath import plan_path
 
     read = read_poses(poses, degrees=deg, millimetres=mm)
     OptionError.refuse_if(
@@ -914,7 +901,7 @@ def path_command(
         free = free if free in ("roll", "branch") else joint_names(arm, [free])[0]
         step_to("families")
         form = form_to_measure(arm)
-        plan = plan_path(
+        plan = postures.plan_path(
             form, T, free=free, step=step, start=q0, t=t, arm=arm, tool=tool, place=place,
             progress=lambda what, k, n: step_to(what, f"{100 * k // n} %"),
         )  # fmt: skip
@@ -1006,7 +993,6 @@ def line_command(
     shown = [*target[:3], *map(math.degrees, target[3:])] if degrees else target
     arm = request.load()
     from pinsing.families.solve import form_to_measure
-    from pinsing.postures.changes import line_postures
     from pinsing.proximity.line import check_line, left_limits, line_details, line_summary, stopped
 
     start = q(arm)
@@ -1015,7 +1001,7 @@ def line_command(
         line = check_line(arm, start, target, speed, forms=form)
     if line.outcome != "reached" or stopped(line) or left_limits(line):
         with doing("following the line from the other postures"):
-            line = replace(line, postures=line_postures(arm, start, target, forms=form))
+            line = replace(line, postures=postures.line_postures(arm, start, target, forms=form))
     if not emit_json(line, json_target):
         same = f"--to {','.join(f'{x:.6g}' for x in shown)} --speed {speed:g}"
         answer = line_summary(line, degrees, request.words, same)

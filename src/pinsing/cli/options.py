@@ -614,7 +614,7 @@ ROBOT = (
     *("packages", "xacro_args", "design", "calibration"),
 )
 OUTPUT = (
-    *("output", "verbose", "deg", "latex", "exact", "view", "no_open", "page", "skeleton", "keep"),
+    *("output", "verbose", "deg", "latex", "exact", "live", "no_open", "page", "skeleton", "keep"),
     *("keep_values", "size", "panel", "fail_if_singular", "fail_within"),
 )
 RARE = (

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import click
 
+from pinsing import families, kinematics, plot, proximity, robot, sampling, view
 from pinsing.cli import completion
 from pinsing.cli.families import algebra_options, prove_option
 from pinsing.cli.mechanism import loops_option, read, tell_of_limits, typed_inputs, view_loops
@@ -48,21 +49,15 @@ from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.prose import Page
 
 if TYPE_CHECKING:
-    from pinsing.families import ClosedForm, Family
     from pinsing.families.solve import Prove
     from pinsing.measures import Array
-    from pinsing.proximity.zones import Zones
     from pinsing.robot.arm import Arm
-    from pinsing.robot.mechanism import Mechanism
-    from pinsing.sampling.analyze import Analysis
-    from pinsing.sampling.generalize import Finding
-    from pinsing.view.viewer import Viewer
 
 _LOOP_PLOTS = ("map", "curves", "ellipsoids", "modes")
 _ARM_PLOTS: dict[str, Any] = {
-    "fixed": (), "families": (), "each": None, "motions": None, "measure": "sigma",
+    "fixed": (), "only": (), "each": None, "motions": None, "measure": "sigma",
 }  # fmt: skip
-_PLOT_OPTIONS = {"families": "family"}
+_PLOT_OPTIONS = {"only": "family"}
 
 
 def plot_loops(
@@ -108,7 +103,7 @@ def plot_loops(
 
 
 def _figure(
-    mechanism: Mechanism,
+    mechanism: robot.Mechanism,
     kind: str,
     inputs: Array,
     asked: bool,
@@ -188,7 +183,7 @@ _STEPS = 400
 )
 @click.option(
     "--family",
-    "families",
+    "only",
     multiple=True,
     metavar="NAME",
     help="locus: which family, such as F1 or wrist. map: those shown; repeatable.  [default: all]",
@@ -226,7 +221,7 @@ def plot_command(
     configurations: tuple[JointValues, ...],
     over: tuple[str, ...] | None,
     fixed: tuple[Callable[[Arm], Any], ...],
-    families: tuple[str, ...],
+    only: tuple[str, ...],
     each: Callable[[Arm], Any] | None,
     ignore_limits: bool,
     motions: Any,
@@ -256,7 +251,7 @@ def plot_command(
         what = "a map needs its" if kind == "map" else "aspects need their"
         raise OptionError(f"{what} two joints, such as --over q2,q3")
     OptionError.refuse_if(
-        families and kind not in ("map", "locus"), f"--family is for map and locus, not for {kind}"
+        only and kind not in ("map", "locus"), f"--family is for map and locus, not for {kind}"
     )
     OptionError.refuse_if(
         kind == "modes", "modes are those of a mechanism: give its loops with --loops FILE.yaml"
@@ -265,7 +260,7 @@ def plot_command(
         each is not None and kind != "locus", f"--each is for locus, not for {kind}"
     )
     OptionError.refuse_if(
-        kind == "locus" and (len(families) != 1 or (over is not None and len(over) != 2)),
+        kind == "locus" and (len(only) != 1 or (over is not None and len(over) != 2)),
         "a locus needs one family, such as --family F1, and two joints if any",
     )
     OptionError.refuse_if(
@@ -279,18 +274,16 @@ def plot_command(
     vectors = [values(arm) for values in configurations]
     q = vectors[0] if vectors else None
     held = {joint: value for joint, (value,) in (typed(arm) for typed in fixed)}
-    shown = _families(arm, families) if families else None
+    shown = _families(arm, only) if only else None
     degrees = in_degrees(deg)
     plane: dict[str, Any] = {"q": q, "ignore_limits": ignore_limits, "degrees": degrees}
-    from pinsing import plot
-
     if kind == "map":
         axes = plot.sigma_plane(arm, *(joints or ()), families=shown, measure=measure, **plane)
     elif kind == "aspects":
         axes = plot.aspect_plane(arm, *(joints or ()), **plane)
     elif kind == "locus":
         third, values = (None, None) if each is None else each(arm)
-        family = _only(shown or [], families[0])
+        family = _only(shown or [], only[0])
         axes = plot.locus(arm, family, *(joints or ()), third=third, values=values, **plane)
     elif kind == "solutions":
         axes = plot.inverse_count(arm, limits=not ignore_limits)
@@ -301,19 +294,16 @@ def plot_command(
 
         axes = plot.sigma_along(arm, _way(vectors), forms=form_to_measure(arm), degrees=degrees)
     elif kind == "ellipsoids":
-        from pinsing.kinematics.at import at
         from pinsing.plot.plane import regular_configuration
 
-        state = at(arm, regular_configuration(arm) if q is None else q)
+        state = kinematics.at(arm, regular_configuration(arm) if q is None else q)
         axes = plot.ellipsoids(state, motions=motions, arm=arm)
     else:
-        from pinsing.sampling.sweeps import sweep
-
         chosen: dict[str, Any] = {"levels": (max(len(held), 1),), "ignore_limits": ignore_limits}
         if held:
             special = {name: (x,) for name, x in held.items()}
             chosen |= {"special": special, "joints": tuple(arm.joints)}
-        result = sweep(arm, nominal=q, prune=False, **chosen)
+        result = sampling.sweep(arm, nominal=q, prune=False, **chosen)
         axes = plot.sigma_curves(result, fixed=held, moving=joints, degrees=degrees, arm=arm)
     figure: Any = axes.figure
     save_figure(figure, out, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
@@ -328,15 +318,14 @@ def _way(stations: list[Array]) -> Array:
     return np.stack([np.interp(part, np.arange(len(stations)), x) for x in columns], axis=1)
 
 
-def _families(arm: Arm, names: tuple[str, ...]) -> list[Family]:
+def _families(arm: Arm, names: tuple[str, ...]) -> list[families.Family]:
     """The families of these names or titles."""
-    from pinsing.families import closed_form
     from pinsing.proximity.clearance import watch
 
-    return list(watch(closed_form(arm, prove=False), names).families)
+    return list(watch(families.closed_form(arm, prove=False), names).families)
 
 
-def _only(found: list[Family], name: str) -> Family:
+def _only(found: list[families.Family], name: str) -> families.Family:
     """The one family of a name or title."""
     names = " or ".join(family.name for family in found)
     OptionError.refuse_if(len(found) > 1, f"several families are called {name!r}: choose {names}")
@@ -433,18 +422,16 @@ def report_command(
     _check_pdf(pdf)
     arm = request.load()
     given = {f"given configuration {k}": values(arm) for k, values in enumerate(poses, 1)}
-    from pinsing.families import closed_form
-    from pinsing.proximity.trajectory import check_trajectory
     from pinsing.report.arm_report import Trajectory
 
     OptionError.refuse_if(
         trajectory is None and (units or columns), "--units and --columns are of --trajectory FILE"
     )
     way = None if trajectory is None else read_samples(trajectory, arm, units, columns)
-    forms = closed_form(arm, **algebra, prove=prove)
+    forms = families.closed_form(arm, **algebra, prove=prove)
     judged = None
     if way is not None and trajectory is not None:
-        check = check_trajectory(arm, way.Q, way.t, forms=forms)
+        check = proximity.check_trajectory(arm, way.Q, way.t, forms=forms)
         check = with_aspects(check, arm, forms, way.Q, way.t)
         judged = Trajectory(check, way.Q, way.t, trajectory.name, request.words, way.notes)
     _write(arm, html, pdf, page, skeleton, given, forms, judged, zones)
@@ -469,7 +456,7 @@ def _check_pdf(pdf: Path | None) -> None:
 
 
 def _write(
-    robot: Any,
+    subject: Any,
     html: Path | None,
     pdf: Path | None,
     page: str,
@@ -485,7 +472,7 @@ def _write(
     where = "none" if html is None else page  # nothing is interactive on paper
     say("computing families, pictures and the model" if where != "none" else "computing")
     write_report(
-        robot,
+        subject,
         html,
         forms=forms,
         poses=poses,
@@ -550,7 +537,7 @@ def view_command(
     poses: tuple[JointValues, ...],
     analysis: Path | None,
     family: str | None,
-    zones: Zones | None,
+    zones: proximity.Zones | None,
     follow: Path | None,
     scale: float,
     skeleton: bool,
@@ -579,20 +566,19 @@ def view_command(
     # What is typed and can still be refused is judged before a browser opens.
     late = family is not None or zones is not None or not 0 < scale < math.inf
 
-    def made(at: Callable[[str], None]) -> Viewer:
+    def made(at: Callable[[str], None]) -> view.Viewer:
         # Half a second of imports, which the browser does not wait for.
         from pinsing.view.scene import read_links_ahead
 
         if not skeleton:
             read_links_ahead(arm)  # a child process reads them meanwhile
         from pinsing.families.form import coverage_words
-        from pinsing.view.viewer import Viewer
 
-        families, findings, form = _find(arm, at) if saved is None else saved
+        listed, findings, form = _find(arm, at) if saved is None else saved
         at("preparing the page")
-        viewer = Viewer(
+        viewer = view.Viewer(
             arm,
-            families,
+            listed,
             vectors,
             findings,
             coverage=coverage_words(form),
@@ -609,7 +595,7 @@ def view_command(
     show_page(arm.name, made, live, late=late, html=html, png=png, lead=lead, **page)
 
 
-def _lead(viewer: Viewer, file: Path, degrees: bool | None) -> None:
+def _lead(viewer: view.Viewer, file: Path, degrees: bool | None) -> None:
     """Show what comes, the newest of it; say what cannot be read, silences and the end."""
     # A file with times is played at them, one without picture by picture.
     from pinsing.proximity.monitor import STALLED, Reader, latest
@@ -648,37 +634,33 @@ def _lead(viewer: Viewer, file: Path, degrees: bool | None) -> None:
     say(f"the stream has ended; {skipped} lines came faster than pictures, and were skipped")
 
 
-_Listed: TypeAlias = "tuple[tuple[Family, ...], tuple[Finding, ...], ClosedForm]"
+_Listed: TypeAlias = (
+    "tuple[tuple[families.Family, ...], tuple[sampling.Finding, ...], families.ClosedForm]"
+)
 """Families, findings, and the closed form, which says how sure it is that these are all."""
 
 
 def _find(arm: Arm, at: Callable[[str], None]) -> _Listed:
     """Families by algebra; where that has gaps, what a sweep finds as well."""
-    from pinsing.families import closed_form
-
     at("finding the singular families")
-    found = closed_form(arm)
+    found = families.closed_form(arm)
     at("")
     if found.complete:
         return found.families, (), found
     for gap in found.gaps:
         say(f"note: the closed forms have a gap, so a sweep runs too: {gap}")
-    from pinsing.sampling.analyze import analyze
-
     at("sweeping")
-    return *_parts(analyze(arm)), found
+    return *_parts(sampling.analyze(arm)), found
 
 
 def _read(path: Path, arm: Arm) -> _Listed:
     """Families and findings of a saved analysis, or of a saved closed form, of the same arm."""
-    from pinsing.families import ClosedForm
-    from pinsing.sampling.analyze import Analysis
-
     data = read_json(path)
     schema = data.get("schema") if isinstance(data, dict) else None
-    saved: Analysis | ClosedForm
+    saved: sampling.Analysis | families.ClosedForm
+    kind = families.ClosedForm if schema == families.ClosedForm.schema else sampling.Analysis
     try:
-        saved = (ClosedForm if schema == ClosedForm.schema else Analysis).from_dict(data)
+        saved = kind.from_dict(data)
     except ResultError as error:
         raise ResultError(f"{path}: {error}") from None
     ResultError.refuse_if(
@@ -686,12 +668,14 @@ def _read(path: Path, arm: Arm) -> _Listed:
         f"{path} is of {saved.arm.name} with joints {', '.join(saved.arm.joints)}, "
         f"not of this arm with {', '.join(arm.joints)}",
     )
-    if isinstance(saved, ClosedForm):
+    if isinstance(saved, families.ClosedForm):
         return saved.families, (), saved
     return *_parts(saved), saved.closed_form
 
 
-def _parts(analysis: Analysis) -> tuple[tuple[Family, ...], tuple[Finding, ...]]:
+def _parts(
+    analysis: sampling.Analysis,
+) -> tuple[tuple[families.Family, ...], tuple[sampling.Finding, ...]]:
     """Families, and the findings that lie on none of them."""
     pairs = zip(analysis.findings, analysis.family_of, strict=True)
     return analysis.families, tuple(finding for finding, family in pairs if not family)
