@@ -68,13 +68,9 @@ PINSING_BITWISE(<<)
 PINSING_BITWISE(>>)
 #undef PINSING_BITWISE
 // Sums of bits wrap around: of signed numbers that would be undefined.
-PINSING_INLINE OneBits operator+(OneBits x, OneBits y) {
-    return OneBits{(HalfBits)((HalfWords)x.v + (HalfWords)y.v)};
-}
 PINSING_INLINE OneBits operator+(OneBits x, std::int64_t y) {
     return OneBits{(HalfBits)((HalfWords)x.v + (std::uint64_t)y)};
 }
-PINSING_INLINE Bits operator+(Bits x, Bits y) { return Bits{x.a + y.a, x.b + y.b}; }
 PINSING_INLINE Bits operator+(Bits x, std::int64_t y) { return Bits{x.a + y, x.b + y}; }
 PINSING_INLINE OneBits operator-(std::int64_t x, OneBits y) {
     return OneBits{(HalfBits)((std::uint64_t)x - (HalfWords)y.v)};
@@ -83,21 +79,20 @@ PINSING_INLINE Bits operator-(std::int64_t x, Bits y) { return Bits{x - y.a, x -
 
 // Masks: one bit a lane in AVX-512's mask registers, a lane full of ones elsewhere.
 #if defined(__AVX512F__)
+using HalfMask = __mmask8;
+#define PINSING_COMPARED(x, op, y, code) _mm512_cmp_pd_mask((__m512d)x, (__m512d)y, code)
+#else
+using HalfMask = HalfBits;
+#define PINSING_COMPARED(x, op, y, code) (HalfBits)(x op y)
+#endif
 struct OneMask {
-    __mmask8 v;
+    HalfMask v;
 };
-#define PINSING_COMPARE(op, code)                                                        \
-    PINSING_INLINE OneMask operator op(One x, One y) {                                   \
-        return OneMask{_mm512_cmp_pd_mask((__m512d)x.v, (__m512d)y.v, code)};            \
-    }
-PINSING_COMPARE(<, _CMP_LT_OQ)
-PINSING_COMPARE(<=, _CMP_LE_OQ)
-PINSING_COMPARE(>, _CMP_GT_OQ)
-#undef PINSING_COMPARE
-PINSING_INLINE OneMask operator&(OneMask x, OneMask y) { return OneMask{(__mmask8)(x.v & y.v)}; }
-PINSING_INLINE OneMask operator|(OneMask x, OneMask y) { return OneMask{(__mmask8)(x.v | y.v)}; }
-PINSING_INLINE OneMask operator~(OneMask x) { return OneMask{(__mmask8)~x.v}; }
-PINSING_INLINE OneMask never() { return OneMask{0}; }
+PINSING_INLINE OneMask operator&(OneMask x, OneMask y) { return OneMask{(HalfMask)(x.v & y.v)}; }
+PINSING_INLINE OneMask operator|(OneMask x, OneMask y) { return OneMask{(HalfMask)(x.v | y.v)}; }
+PINSING_INLINE OneMask operator~(OneMask x) { return OneMask{(HalfMask)~x.v}; }
+PINSING_INLINE OneMask never() { return OneMask{HalfMask{}}; }
+#if defined(__AVX512F__)
 PINSING_INLINE bool any(OneMask m) { return m.v != 0; }
 PINSING_INLINE bool lane(OneMask m, int i) { return ((m.v >> i) & 1) != 0; }
 PINSING_INLINE OneMask odd(OneBits k) {
@@ -107,47 +102,28 @@ PINSING_INLINE One select(OneMask m, One x, One y) {
     return One{(Half)_mm512_mask_blend_pd(m.v, (__m512d)y.v, (__m512d)x.v)};
 }
 #else
-struct OneMask {
-    HalfBits v;
-};
-#define PINSING_COMPARE(op) \
-    PINSING_INLINE OneMask operator op(One x, One y) { return OneMask{(HalfBits)(x.v op y.v)}; }
-PINSING_COMPARE(<)
-PINSING_COMPARE(<=)
-PINSING_COMPARE(>)
-#undef PINSING_COMPARE
-PINSING_INLINE OneMask operator&(OneMask x, OneMask y) { return OneMask{x.v & y.v}; }
-PINSING_INLINE OneMask operator|(OneMask x, OneMask y) { return OneMask{x.v | y.v}; }
-PINSING_INLINE OneMask operator~(OneMask x) { return OneMask{~x.v}; }
-PINSING_INLINE OneMask never() { return OneMask{HalfBits{}}; }
-PINSING_INLINE bool any(OneMask m) {
-#if defined(__AVX2__)
-    return _mm256_movemask_pd((__m256d)m.v) != 0;
-#else
-    std::int64_t all = 0;
-    for (int i = 0; i < kHalf; i++) all |= m.v[i];
-    return all != 0;
-#endif
-}
 PINSING_INLINE bool lane(OneMask m, int i) { return m.v[i] != 0; }
 PINSING_INLINE OneMask odd(OneBits k) { return OneMask{-(k.v & 1)}; }
-PINSING_INLINE One select(OneMask m, One x, One y) {
 #if defined(__AVX2__)
+PINSING_INLINE bool any(OneMask m) { return _mm256_movemask_pd((__m256d)m.v) != 0; }
+PINSING_INLINE One select(OneMask m, One x, One y) {
     return One{(Half)_mm256_blendv_pd((__m256d)y.v, (__m256d)x.v, (__m256d)m.v)};
-#else
-    return One{m.v ? x.v : y.v};
-#endif
 }
+#else
+PINSING_INLINE bool any(OneMask m) { return (m.v[0] | m.v[1]) != 0; }
+PINSING_INLINE One select(OneMask m, One x, One y) { return One{m.v ? x.v : y.v}; }
+#endif
 #endif
 using Mask = Pair<OneMask>;
 
-#define PINSING_COMPARE(op)                                                               \
+#define PINSING_COMPARE(op, code)                                                            \
+    PINSING_INLINE OneMask operator op(One x, One y) { return OneMask{PINSING_COMPARED(x.v, op, y.v, code)}; } \
     PINSING_INLINE OneMask operator op(One x, double y) { return x op spread(y); }        \
     PINSING_INLINE Mask operator op(V x, V y) { return Mask{x.a op y.a, x.b op y.b}; }    \
     PINSING_INLINE Mask operator op(V x, double y) { return Mask{x.a op y, x.b op y}; }
-PINSING_COMPARE(<)
-PINSING_COMPARE(<=)
-PINSING_COMPARE(>)
+PINSING_COMPARE(<, _CMP_LT_OQ)
+PINSING_COMPARE(<=, _CMP_LE_OQ)
+PINSING_COMPARE(>, _CMP_GT_OQ)
 #undef PINSING_COMPARE
 PINSING_INLINE Mask operator&(Mask x, Mask y) { return Mask{x.a & y.a, x.b & y.b}; }
 PINSING_INLINE Mask operator|(Mask x, Mask y) { return Mask{x.a | y.a, x.b | y.b}; }
