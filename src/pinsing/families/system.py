@@ -10,16 +10,15 @@ Systems of equations as text that Singular, msolve, Maple and Sage read.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.components import Component
 from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.mimic import own_offsets
 from pinsing.algebra.ring import Poly, Value, make_ring, rational
@@ -30,66 +29,39 @@ from pinsing.prose import visible
 from pinsing.robot.nominal import Nominal
 from pinsing.robot.surd import SQUARES, Exact, parts_of
 
-
-@dataclass(frozen=True)
-class FamilySystem:
-    """One family, as the union of the real zeros of systems of equations."""
-
-    family: Family
-    # of each system the polynomials that vanish: their coefficients are whole
-    parts: tuple[tuple[Poly, ...], ...]
-
-    @property
-    def names(self) -> list[str]:
-        """Of its systems."""
-        if len(self.parts) == 1:
-            return [self.family.name]
-        return [f"{self.family.name}_{i}" for i in range(1, len(self.parts) + 1)]
+_Values = tuple[dict[int, tuple[Value, ...]], tuple[Poly, ...]]
+"""Joints, each at one of some values, and relations."""
+Parts = dict[str, tuple[Poly, ...]]
+"""Systems whose real zeros are a family, by name: the polynomials that vanish, whole numbers."""
 
 
-@dataclass(frozen=True)
 class Systems:
-    """Families as systems of equations in the same variables."""
-
-    # each variable, and what it stands for: ``c2``, ``cos(q2)``
-    variables: tuple[tuple[str, str], ...]
-    # polynomials that vanish at all configurations: ``c2^2 + s2^2 - 1``, ``r2^2 - 2``
-    circles: tuple[Poly, ...]
-    families: tuple[FamilySystem, ...]
-    # variables that stand for square roots: only solutions where they are positive are meant
-    roots: tuple[str, ...]
-    free: tuple[str, ...]  # symbols of the arm's other joints, which may be anywhere
-
-
-class _SystemMaker:
-    """Takes the polynomials of one arm over into the ring of sines and cosines."""
+    """Families as systems of equations in the same variables, those of sines and cosines."""
 
     def __init__(self, chosen: Sequence[Family], geometry: Nominal, symbols: Sequence[str]) -> None:
-        self.symbols, self.chosen = symbols, chosen
-        self.prismatic = tuple(bool(p) for p in geometry.arm.prismatic)
+        self.symbols, self.prismatic = symbols, tuple(bool(p) for p in geometry.arm.prismatic)
         self.ring = make_ring(self.prismatic, constants(geometry, geometry.arm.task), Budget(10.0))
-        self.joints = sorted(
-            {
-                j
-                for f in chosen
-                for c in f.components
-                for j in set(c.values).union(*(self.ring.joints_of(r) for r in c.relations))
-            }
-        )
+        components = [c for f in chosen for c in f.components]
+        used = {j for c in components for r in c.relations for j in self.ring.joints_of(r)}
+        self.joints = sorted(used.union(*(c.values for c in components)))
         offset = [float(a) for a in own_offsets(geometry)]
         self.quarters = [round(a / (math.pi / 2)) for a in offset]
         self.shift = [a - k * math.pi / 2 for a, k in zip(offset, self.quarters, strict=True)]
-        roots = self.ring.roots
-        named = [(f"r{d}", f"sqrt({d})") for d in roots]
-        named += [variable for j in self.joints for variable in self._named(j)]
-        self.variables = tuple(named)
-        self.context = fmpq_mpoly_ctx.get([name for name, _ in named], Ordering.degrevlex)
+        # Each variable, and what it stands for: ``c2``, ``cos(q2)``; of square roots only solutions
+        # where they are positive are meant.
+        self.variables = [(f"r{d}", f"sqrt({d})") for d in self.ring.roots]
+        self.variables += [variable for j in self.joints for variable in self._named(j)]
+        self.names = [name for name, _ in self.variables]
+        self.context = fmpq_mpoly_ctx.get(self.names, Ordering.degrevlex)
         gens = iter(self.context.gens())
-        self.root = {d: next(gens) for d in roots}
+        self.root = {d: next(gens) for d in self.ring.roots}
         self.own = {
             j: tuple(next(gens) for _ in range(1 if self.prismatic[j] else 2)) for j in self.joints
         }
-        self._powers: dict[tuple[int, int, int], Poly] = {}
+        # Polynomials that vanish at all configurations: ``c2^2 + s2^2 - 1``, ``r2^2 - 2``.
+        self.circles = [g * g - d for d, g in self.root.items()]
+        self.circles += [p[0] ** 2 + p[1] ** 2 - 1 for p in self.own.values() if len(p) == 2]
+        self.families = [(f, self._parts(f)) for f in chosen]
 
     def _named(self, j: int) -> list[tuple[str, str]]:
         """Variables of a joint, and what they stand for."""
@@ -101,70 +73,64 @@ class _SystemMaker:
             angle += f" {'+' if self.shift[j] > 0 else '-'} {abs(self.shift[j]):.17g}"
         return [(f"c{number}", f"cos({angle})"), (f"s{number}", f"sin({angle})")]
 
-    def systems(self) -> Systems:
-        """All that is written."""
-        circles = [g * g - d for d, g in self.root.items()]
-        circles += [p[0] ** 2 + p[1] ** 2 - 1 for p in self.own.values() if len(p) == 2]
-        return Systems(
-            variables=self.variables,
-            circles=tuple(circles),
-            families=tuple(FamilySystem(f, self._parts(f)) for f in self.chosen),
-            roots=tuple(f"r{d}" for d in self.root),
-            free=tuple(s for j, s in enumerate(self.symbols) if j not in self.joints),
-        )
-
-    def _parts(self, family: Family) -> tuple[tuple[Poly, ...], ...]:
+    def _parts(self, family: Family) -> Parts:
         """Systems of a family; mirror images that differ in one joint's value are one."""
         parts: dict[str, tuple[Poly, ...]] = {}
-        for values, relations in _joined(family.components):
+        given: list[_Values] = [
+            ({j: (v,) for j, v in sorted(c.values.items())}, c.relations) for c in family.components
+        ]
+        for values, relations in _joined(given):
             polys = [p for j, several in values.items() for p in self._value(j, several)]
-            polys += [p for r in relations for p in self._even(self.ring.terms(r))]
+            polys += [p for r in relations for p in self._even(r)]
             whole = {str(p): p for p in (p / content(p) for p in polys if p != 0)}
             parts[str(list(whole))] = tuple(whole.values())
-        return tuple(parts.values())
+        names = [f"{family.name}_{i}" for i in range(1, len(parts) + 1)]
+        names = names if len(parts) > 1 else [family.name]
+        return dict(zip(names, parts.values(), strict=True))
 
     def _value(self, j: int, several: Sequence[Value]) -> list[Poly]:
         """That a joint has one of some exact values."""
         if self.prismatic[j] or len(several) > 1:
             product = math.prod(self.ring.fixing(j, value) for value in several)
-            return self._even(self.ring.terms(self.ring.reduce(product)))
+            return self._even(self.ring.reduce(product))
         x, y = several[0]
         square = x * x + y * y
         c, s = self._circle(j)
         cos, sin = (x * x - y * y) / square, 2 * (x * y) / square
         return [c - self._number(cos), s - self._number(sin)]
 
-    def _even(self, terms: Mapping[tuple[int, ...], Exact]) -> list[Poly]:
+    def _even(self, poly: Poly) -> list[Poly]:
         """A polynomial, times x and times y of each joint in which its degree is odd."""
+        terms = self.ring.terms(poly)
         some = next(iter(terms))
-        turning = [j for j in self.joints if not self.prismatic[j]]
-        odd = [j for j in turning if sum(some[v] for v in self.ring.variables(j)) % 2]
+        odd = [
+            j
+            for j in reversed(self.joints)
+            if not self.prismatic[j] and sum(some[v] for v in self.ring.variables(j)) % 2
+        ]
         polys = []
-        for choice in range(2 ** len(odd)):
-            more = {j: choice >> i & 1 for i, j in enumerate(odd)}
-            total = self.context.constant(0)
+        for choice in itertools.product((0, 1), repeat=len(odd)):
+            more, total = dict(zip(odd, choice, strict=True)), self.context.constant(0)
             for m, number in terms.items():
                 term = self._number(number)
                 for j in self.joints:
                     exponents = [int(m[v]) for v in self.ring.variables(j)]
                     if j in more:
                         exponents[more[j]] += 1
-                    if self.prismatic[j]:
-                        term = term * self.own[j][0] ** exponents[0]
-                    elif any(exponents):
+                    if any(exponents):
                         term = term * self._power(j, *exponents)
                 total = total + term
             polys.append(total)
         return polys
 
-    def _power(self, j: int, a: int, b: int) -> Poly:
-        """x^a y^b in sine and cosine, for a + b even."""
-        if (j, a, b) not in self._powers:
-            c, s = self._circle(j)
-            half = self.context.constant(fmpq(1, 2))
-            out = (half * (1 + c)) ** (a // 2) * (half * (1 - c)) ** (b // 2)
-            self._powers[j, a, b] = half * out * s if a % 2 else out
-        return self._powers[j, a, b]
+    def _power(self, j: int, a: int, b: int = 0) -> Poly:
+        """x^a y^b in sine and cosine, for a + b even; or a power of a length."""
+        if self.prismatic[j]:
+            return self.own[j][0] ** a
+        c, s = self._circle(j)
+        half = self.context.constant(fmpq(1, 2))
+        out = (half * (1 + c)) ** (a // 2) * (half * (1 - c)) ** (b // 2)
+        return half * out * s if a % 2 else out
 
     def _circle(self, j: int) -> tuple[Poly, Poly]:
         """Cosine and sine of the ring's angle, which is some right angles more than the joint's."""
@@ -185,32 +151,19 @@ class _SystemMaker:
         return out
 
 
-def _joined(
-    components: Iterable[Component],
-) -> list[tuple[dict[int, tuple[Value, ...]], tuple[Poly, ...]]]:
-    """Return components as joint values and relations; two that differ in one value, as one."""
-    found: list[tuple[dict[int, tuple[Value, ...]], tuple[Poly, ...]]] = [
-        ({j: (v,) for j, v in sorted(c.values.items())}, c.relations) for c in components
-    ]
-    while pair := _pair(found):
-        (i, k, j) = pair
-        found[i] = found[i][0] | {j: found[i][0][j] + found[k][0][j]}, found[i][1]
-        del found[k]
+def _joined(found: Sequence[_Values]) -> Sequence[_Values]:
+    """Join two that differ in the values of one joint, as long as there are such."""
+    pairs = ((i, k) for k in range(len(found)) for i in range(k))
+    for i, k in pairs:
+        (values, relations), (others, same) = found[i], found[k]
+        if values.keys() != others.keys() or {*map(str, relations)} != {*map(str, same)}:
+            continue
+        different = [j for j in values if values[j] != others[j]]
+        if len(different) == 1 and len(values[different[0]]) == len(others[different[0]]):
+            both = {j: values[j] + others[j] for j in different}
+            joined = [*found[:i], (values | both, relations), *found[i + 1 :]]
+            return _joined([*joined[:k], *joined[k + 1 :]])
     return found
-
-
-def _pair(
-    found: Sequence[tuple[dict[int, tuple[Value, ...]], tuple[Poly, ...]]],
-) -> tuple[int, int, int] | None:
-    """Two systems that differ in the values of one joint, and that joint."""
-    for k, (values, relations) in enumerate(found):
-        for i, (other, same) in enumerate(found[:k]):
-            if values.keys() != other.keys() or set(map(str, relations)) != set(map(str, same)):
-                continue
-            different = [j for j in values if values[j] != other[j]]
-            if len(different) == 1 and len(values[different[0]]) == len(other[different[0]]):
-                return i, k, different[0]
-    return None
 
 
 SUFFIXES = {
@@ -268,18 +221,16 @@ def system_text(
         "the exact equations are not in a closed form that was read from a file: make it "
         "again with closed_form",
     )
-    found = _SystemMaker(chosen, form.geometry, form.symbols).systems()
+    found = Systems(chosen, form.geometry, form.symbols)
     remarks = tuple(_remarks(form, found, language))
     if language == "msolve":
         return _msolve(found), remarks
     comment, first, begin, end = _PROGRAMS[language]
-    named = [name for name, _ in found.variables]
-    quoted = ", ".join(f'"{name}"' for name in named)
-    lines = [first.format(plain=",".join(named), spaced=", ".join(named), quoted=quoted)]
-    for one in found.families:
-        for name, part in zip(one.names, one.parts, strict=True):
-            polys = ",\n  ".join(map(str, (*part, *found.circles)))
-            lines += [begin.format(name), f"  {polys}{end}"]
+    plain, quoted = ",".join(found.names), ", ".join(f'"{name}"' for name in found.names)
+    lines = [first.format(plain=plain, spaced=", ".join(found.names), quoted=quoted)]
+    for name, part in (item for _, parts in found.families for item in parts.items()):
+        polys = ",\n  ".join(map(str, (*part, *found.circles)))
+        lines += [begin.format(name), f"  {polys}{end}"]
     body = "\n".join(lines)
     body = body.replace("^", "**") if language == "sage" else body
     return "".join(f"{comment}{line}\n" for line in remarks) + f"\n{body}\n", remarks
@@ -298,11 +249,11 @@ def _remarks(form: Any, found: Systems, language: str) -> Iterator[str]:
     named = zip(form.symbols, arm.joints, strict=True)
     yield "joints: " + ", ".join(f"{s} = {visible(joint)}" for s, joint in named)
     yield "variables: " + ", ".join(f"{name} = {what}" for name, what in found.variables)
-    if found.free:
-        yield f"in no equation, so free: {', '.join(found.free)}"
-    if found.roots:
-        yield f"meant are solutions with {', '.join(f'{r} > 0' for r in found.roots)} alone"
-    systems = [name for one in found.families for name in one.names]
+    if free := [s for j, s in enumerate(form.symbols) if j not in found.joints]:
+        yield f"in no equation, so free: {', '.join(free)}"
+    if found.root:
+        yield f"meant are solutions with {', '.join(f'r{d} > 0' for d in found.root)} alone"
+    systems = [name for _, parts in found.families for name in parts]
     if language == "msolve" and len(systems) > 1:
         told = ", ".join(f"{i} = {name}" for i, name in enumerate(systems, 1))
         yield f"a file for msolve is one system; its first variable {_WHICH} says which: {told}"
@@ -312,32 +263,25 @@ def _remarks(form: Any, found: Systems, language: str) -> Iterator[str]:
         yield from (f"  {visible(snap)}" for snap in form.snaps)
         yield f"no column of the Jacobian changes by more than {form.jacobian_change:.1e} by that"
     known: dict[str, str] = {}
-    for one in found.families:
-        yield from _of(one)
-        same = known.setdefault(str(one.parts), one.family.name)
-        if same != one.family.name:
+    for family, parts in found.families:
+        yield f"{family.name}: {visible(family.text)}"
+        if len(parts) > 1:
+            yield f"  {family.name} is the union of {', '.join(parts)}"
+        if not family.real:
+            yield "  no real point of it is known"
+        if family.confirm is not None and not family.confirm.touching:
+            yield "  some solutions may be regular: singular are those at which the rank drops"
+        same = known.setdefault(str([*parts.values()]), family.name)
+        if same != family.name:
             yield f"  its equations are those of {same}: other real points of the same set"
-
-
-def _of(one: FamilySystem) -> Iterator[str]:
-    """Return what is said of a family."""
-    family = one.family
-    yield f"{family.name}: {visible(family.text)}"
-    if len(one.parts) > 1:
-        yield f"  {family.name} is the union of {', '.join(one.names)}"
-    if not family.real:
-        yield "  no real point of it is known"
-    if family.confirm is not None and not family.confirm.touching:
-        yield "  some solutions may be regular: singular are those at which the rank drops"
 
 
 def _msolve(found: Systems) -> str:
     """Return one system: that of the only family, or of all, told apart by one variable more."""
     # The polynomials of system i are multiplied by the product of k - m over all others m, so that
     # they must vanish where k = i alone; k is one of 1, 2, ...
-    parts = [part for one in found.families for part in one.parts]
-    names = [name for name, _ in found.variables]
-    polys = [*parts[0], *found.circles]
+    parts = [part for _, some in found.families for part in some.values()]
+    names, polys = found.names, [*parts[0], *found.circles]
     if len(parts) > 1:
         names = [_WHICH, *names]
         context = fmpq_mpoly_ctx.get(names, Ordering.lex)
