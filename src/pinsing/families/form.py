@@ -10,10 +10,11 @@ import numpy as np
 
 from pinsing import notebook
 from pinsing.algebra.components import Component, RandomSteps
-from pinsing.errors import ArgumentError, ConfigurationError, OptionError, UnknownNameError
+from pinsing.errors import ArgumentError, ConfigurationError, OptionError
 from pinsing.families.describe import ORDER
 from pinsing.families.family import (
     Family,
+    asked_for,
     exactly,
     families_table,
     half_angles,
@@ -225,14 +226,11 @@ class ClosedForm(JsonResult):
         if not isinstance(name, str):
             hint = f"form.families[{name}]" if isinstance(name, int) else "see form.families"
             raise ArgumentError("family", "a name such as 'F1'", shown(name), hint)
-        found = [f for f in self.families if name and name in (f.name, f.title)]
-        if len(found) > 1:
-            names = " or ".join(f.name for f in found)
-            raise OptionError(f"several families are called {name!r}: choose {names}")
-        if not found:
-            known = [n for f in self.families for n in (f.name, f.title) if n]
-            raise UnknownNameError("family", str(name), known)
-        return found[0]
+        families = {f.name: f for f in self.families}
+        found = asked_for(families, [name])
+        several = f"several families are called {name!r}: choose {' or '.join(found)}"
+        OptionError.refuse_if(len(found) > 1, several)
+        return families[found[0]]
 
     def __contains__(self, name: object) -> bool:
         return bool(name) and any(name in (f, f.name, f.title) for f in self.families)
@@ -361,8 +359,7 @@ def answer_text(
     """Return the summary of an arm's singularities, at most eight lines, with commands to type."""
     robot = robot or forms.arm.typed
     count = len(forms.families)
-    many = f"{count} famil{'y' if count == 1 else 'ies'} of"
-    what = f"{'no' if not count and forms.complete else many} singular configurations"
+    what = "no singular configurations" if not count and forms.complete else _many(forms)
     lines = [page.paragraph(f"{forms.arm.name}: {what} (", _word(forms, " complete"), ")")]
     lines += _geometry(forms, page)
     if forms.gaps:
@@ -373,10 +370,9 @@ def answer_text(
         said = f"{joints} joints: {rank} of 6 motions of the tip; singular where one more is lost"
         lines.append(page.paragraph(f"{said} (or try --task position)", first="  "))
     shown = sorted(forms.families, key=lambda f: ORDER.index(f.title))
+    outside: dict[bool | None, str] = {False: "outside the joint limits"}
     rows = [
-        [f.title, f.name, f.where(), PLACE.get(f.kind, "")]
-        if f.is_reachable is not False
-        else [f.title, f.name, f.where(), "outside the joint limits"]
+        [f.title, f.name, f.where(), outside.get(f.is_reachable, PLACE.get(f.kind, ""))]
         for f in shown[: _MOST_ROWS + (count == _MOST_ROWS + 1)]
     ]
     if not any(row[0] for row in rows):
@@ -453,31 +449,37 @@ def _geometry(forms: ClosedForm, page: Page) -> list[str]:
     return [page.paragraph(text, first="  ") for text in said]
 
 
-def _head(forms: ClosedForm, brief: bool, undecided: bool) -> tuple[Span, ...]:
+def _many(forms: ClosedForm) -> str:
     count = len(forms.families)
+    return f"{count} famil{'y' if count == 1 else 'ies'} of singular configurations"
+
+
+def _of(forms: ClosedForm) -> str:
+    """Of which geometry it is true, if that is not the file's."""
+    return "" if forms.deviation is None else f" for {forms.deviation.geometry}"
+
+
+def _head(forms: ClosedForm, brief: bool, undecided: bool) -> tuple[Span, ...]:
     took = unbroken(f"{1e3 * forms.seconds:.0f} ms")
-    arm = f"{forms.arm.name}, task {forms.arm.task} (generic rank {forms.generic_rank}): "
-    if not count and forms.complete and not undecided:
-        what = "no singular configurations: the rank is the same everywhere ("
-        if brief:
-            return arm, what, _word(forms), ")"
-        return what.capitalize(), _word(forms), f"; closed forms, {took})."
-    what = f"{count} famil{'y' if count == 1 else 'ies'} of singular configurations"
-    if undecided:
-        return (f"{what} (closed forms, {took}); whether these are all stands at the end:",)
-    what += ", "
+    if undecided and not brief:
+        return (f"{_many(forms)} (closed forms, {took}); whether these are all stands at the end:",)
+    none = not forms.families and forms.complete
+    what = "no singular configurations: the rank is the same everywhere (" * none
+    what, word = what or f"{_many(forms)}, ", _word(forms)
     if brief:
-        return arm, what, _word(forms)
-    return what, _word(forms), f" (closed forms, {took}):"
+        arm = f"{forms.arm.name}, task {forms.arm.task} (generic rank {forms.generic_rank}): "
+        return arm, what, word, ")" * none
+    end = f"; closed forms, {took})." if none else f" (closed forms, {took}):"
+    return what.capitalize(), word, end
 
 
 def _word(forms: ClosedForm, complete: str = "") -> Span:
     """Proven, probable or NOT complete, and of which geometry if that is not the file's."""
-    of = "" if forms.deviation is None else f" for {forms.deviation.geometry}"
+    if not forms.complete:
+        return caution("NOT complete")
     if forms.word == "proven":
-        return good(f"proven{complete}{of}")
-    word = "probably" if complete else "probable"
-    return f"{word}{complete}{of}" if forms.complete else caution("NOT complete")
+        return good(f"proven{complete}{_of(forms)}")
+    return f"{'probably' if complete else 'probable'}{complete}{_of(forms)}"
 
 
 def _example(family: Family, forms: ClosedForm, page: Page, degrees: bool) -> Iterator[str]:
@@ -495,50 +497,45 @@ def _example(family: Family, forms: ClosedForm, page: Page, degrees: bool) -> It
 
 def coverage_words(forms: ClosedForm) -> str:
     """Return how sure it is that none is missing, in a few words for a page that lists families."""
-    of = "" if forms.deviation is None else f" for {forms.deviation.geometry}"
     how = "" if forms.deviation is None else f" ({forms.deviation.change})"
-    robot = "" if forms.tube is None else f" {forms.tube}"
+    of, robot = _of(forms) + how, "" if forms.tube is None else f" {forms.tube}"
+    if not forms.complete:
+        return (
+            f"NOT complete{of}: {'; '.join(forms.gaps)}. Distances are to what is listed: other "
+            "singular configurations may be nearer."
+        )
     if forms.word == "proven":
-        return f"Proven{of}{how}: there are no others.{robot}"
-    if forms.word == "probable":
-        sure = "nothing is known to be missing, but there is no certificate"
-        return f"Probable{of}{how}: {sure}.{robot}"
-    return (
-        f"NOT complete{of}{how}: {'; '.join(forms.gaps)}. Distances are to what is "
-        "listed: other singular configurations may be nearer."
-    )
+        return f"Proven{of}: there are no others.{robot}"
+    sure = "nothing is known to be missing, but there is no certificate"
+    return f"Probable{of}: {sure}.{robot}"
 
 
 def certainty(forms: ClosedForm, page: Page = PLAIN) -> str:
     """Return how sure it is that none is missing, and what that rests on, or what is missing."""
-    if forms.word != "not complete":
-        return proof_text(forms, page)
-    said = (caution("not complete"), ": ")
-    lines = [page.paragraph(*said, gap, first="  ") for gap in forms.gaps]
-    if forms.slice_count is not None and not forms.slice_count.off:
-        lines.append(page.paragraph(forms.slice_count.evidence(), first="  "))
-    return "\n".join(lines)
-
-
-def proof_text(forms: ClosedForm, page: Page = PLAIN) -> str:
-    """Return what the word rests on: a certificate, or random points."""
-    proof = forms.proof
-    of = "" if forms.deviation is None else f" for {forms.deviation.geometry}"
+    proof, count, random = forms.proof, forms.slice_count, forms.random_steps
+    if not forms.complete:
+        gaps: list[tuple[Span, ...]] = [(caution("not complete"), ": ", g) for g in forms.gaps]
+        gaps += [(count.evidence(),)] if count is not None and not count.off else []
+        return "\n".join(page.paragraph(*gap, first="  ") for gap in gaps)
     if proof is not None and proof.accepted:
-        size = unbroken(f"{proof.size / 1e3:.1f} kB")
-        took = unbroken(f"{1e3 * proof.check_seconds:.0f} ms")
-        return page.paragraph(
-            good("proven"), f"{of}: certificate of {size}, checked in {took}", first="  "
-        )
-    counted = f"; it rests on a count: {forms.slice_count.sentence()}" if forms.slice_count else ""
+        size, took = f"{proof.size / 1e3:.1f} kB", f"{1e3 * proof.check_seconds:.0f} ms"
+        rest = f": certificate of {unbroken(size)}, checked in {unbroken(took)}"
+        return page.paragraph(good("proven"), f"{_of(forms)}{rest}", first="  ")
+    counted = "" if count is None else f"; it rests on a count: {count.sentence()}"
     if proof is None:
         return page.paragraph(f"probable: no certificate was looked for{counted}", first="  ")
-    steps = _random_steps(forms)
-    if counted and (forms.random_steps is None or not forms.random_steps.systems):
-        steps, counted = counted.removeprefix("; "), ""
+    if random is None or not random.systems:
+        rests = counted.removeprefix("; ") or "no step of the search rested on random points"
+    else:
+        primes, seeds = (" and ".join(map(str, x)) for x in (random.primes, random.seeds))
+        systems = "one system" if random.systems == 1 else f"{random.systems} systems"
+        rests = (
+            f"{systems} of equations rested on random points modulo {primes} (seeds {seeds}), "
+            f"where one is wrong with a chance below {CHANCE:.0e} unless a prime divides what must "
+            f"not vanish{counted}"
+        )
     return page.paragraph(
-        f"probable: nothing is known to be missing, but {steps}{counted}; "
-        f"no certificate: {proof.reason}",
+        f"probable: nothing is known to be missing, but {rests}; no certificate: {proof.reason}",
         first="  ",
     )
 
@@ -549,34 +546,14 @@ CHANCE = 1e-12
 below 4e6 (eliminants are cut off at 3,000) and primes of 62 bits."""
 
 
-def _random_steps(forms: ClosedForm) -> str:
-    """Return what rests on random points of finite fields, with primes and seeds."""
-    steps = forms.random_steps
-    if steps is None or not steps.systems:
-        return "no step of the search rested on random points"
-    primes = " and ".join(str(p) for p in steps.primes)
-    seeds = " and ".join(str(s) for s in steps.seeds)
-    systems = "one system" if steps.systems == 1 else f"{steps.systems} systems"
-    return (
-        f"{systems} of equations rested on random points modulo {primes} (seeds {seeds}), "
-        f"where one is wrong with a chance below {CHANCE:.0e} unless a prime divides what must not "
-        "vanish"
-    )
-
-
 def families_html(forms: ClosedForm) -> str:
     """The families in a table, and how sure it is that none is missing."""
     text = html_text
     tone = {"proven": "good", "not complete": "caution"}.get(forms.word)
     said = forms.word if forms.complete else "NOT complete"
     state = notebook.verdict(said, tone) if tone else f"<strong>{text(said)}</strong>"
-    count = len(forms.families)
-    head = (
-        f"{notebook.name(forms.arm.name)} {text(f'(task {forms.arm.task}, generic rank')} "
-        f"{forms.generic_rank}{text('):')} {count} "
-        f"{text('family' if count == 1 else 'families')} {text('of singular configurations,')} "
-        f"{state}"
-    )
+    what = text(f"(task {forms.arm.task}, generic rank {forms.generic_rank}): {_many(forms)},")
+    head = f"{notebook.name(forms.arm.name)} {what} {state}"
     if forms.deviation is not None:
         head += f" {text(f'for {forms.deviation}')}"
     gaps = "".join(
