@@ -38,6 +38,7 @@ from pinsing.families.proof_forms import (
     Source,
     Split,
     content,
+    division,
     divisions,
     empty,
     form_of,
@@ -46,7 +47,6 @@ from pinsing.families.proof_forms import (
     roots_in,
     skeleton,
     squares,
-    top_of,
     vanishes,
 )
 from pinsing.proof.checker import MOST_WORK, Poly, Rejected, Ring, verify
@@ -635,7 +635,7 @@ class Tree:
 
     def _toward_families(self, place: Place) -> Iterator[Split]:
         """A relation that is, but for a multiple of another one, that of a family times others."""
-        ring, relations = self.ring, place.relations
+        ring, relations, first = self.ring, place.relations, len(place.values)
         wanted = {
             self._id(f): f
             for family in self.families
@@ -643,43 +643,21 @@ class Tree:
             for f in ring.stripped(ring.put(p, place.values))
             if f != 0 and ring.joints(f) and not ring.vanishes(f, ({}, relations))
         }
-        for f in wanted.values():
-            for a, p in enumerate(relations):
-                for j in set(ring.joints(p)) & set(ring.joints(f)):
-                    if len(p) * len(f) <= _LONG and ring.degree(p, j) >= ring.degree(f, j):
-                        yield from self._as_sum(*self._divided(p, f, j), a, place)
-
-    def _as_sum(
-        self, times: Poly, product: Poly, rest: Poly, a: int, place: Place
-    ) -> Iterator[Split]:
-        if product == 0:
-            return
-        first = len(place.values)
-        for b, g in enumerate(place.relations):
-            if b == a or not self.ring.divides(g, rest):
-                continue
-            more = -self.ring.reduced(divmod(rest, g)[0])
-            if self.ring.reduced(more * g + rest) == 0:
-                terms = [(times, first + a)] + ([(more, first + b)] if more != 0 else [])
-                sources = [(c, ("of_forms", k)) for c, k in terms]
-                yield Split(sources, self.ring.stripped(product)[0])
-            return
-
-    def _divided(self, p: Poly, f: Poly, j: int) -> tuple[Poly, Poly, Poly]:
-        """Division of forms by y of a joint: times p = product + rest, product a multiple of f."""
-        y, low, lead = self.ring.pairs[j][1], self.ring.degree(f, j), top_of(self.ring, f, j)
-        times, product, rest = self.ring.one, self.ring.zero, p
-        if lead == 0:
-            return times, product, rest
-        for power in range(self.ring.degree(p, j), low - 1, -1):
-            terms = {m: c for m, c in rest.to_dict().items() if m[2 * j + 1] == power}
-            if not terms:
-                continue
-            more = divmod(self.ring.context.from_dict(terms), y**low)[0] * f
-            times = self.ring.reduced(times * lead)
-            product = self.ring.reduced(product * lead + more)
-            rest = self.ring.reduced(rest * lead - more)
-        return times, product, rest
+        for f, (a, p) in itertools.product(wanted.values(), enumerate(relations)):
+            for j in set(ring.joints(p)) & set(ring.joints(f)):
+                if len(p) * len(f) > _LONG or ring.degree(p, j) < ring.degree(f, j):
+                    continue
+                times, quotient, rest, xs = division(ring, p, f, j)
+                (product,) = ring.stripped(ring.times(quotient, f))
+                rest = ring.times(rest, xs)
+                for b, g in enumerate(relations):
+                    if product == 0 or b == a or not ring.divides(g, rest):
+                        continue
+                    more = -ring.reduced(divmod(rest, g)[0])
+                    if ring.reduced(more * g + rest) == 0:
+                        terms = [(times, first + a), *[(more, first + b)] * (more != 0)]
+                        yield Split([(c, ("of_forms", k)) for c, k in terms], product)
+                    break
 
 
 def certificate(

@@ -251,6 +251,20 @@ def _from_roots(p: fmpq_poly, bits: int) -> list[fmpq_poly] | None:
         return [fmpq_poly(side, 2**bits) for side in rounded]
 
 
+def division(ring: Ring, form: Poly, p: Poly, joint: int) -> tuple[Poly, Poly, Poly, Poly]:
+    """Divide a form by another one in a joint: times form = quotient p + xs rest."""
+    (x, y), top, degree = ring.pairs[joint], top_of(ring, p, joint), ring.degree(p, joint)
+    times, quotient, rest, xs = ring.one, ring.zero, form, ring.one
+    while top != 0 and rest != 0 and (more := ring.degree(rest, joint) - degree) >= 0:
+        if (lead := top_of(ring, rest, joint)) != 0:
+            share = ring.times(lead, y**more)
+            rest = ring.times(rest, top) - ring.times(share, p)
+            quotient = ring.times(quotient, top) + ring.times(xs, share)
+            times = ring.times(times, top)
+        rest, xs = divmod(rest, x)[0], xs * x
+    return times, quotient, rest, xs
+
+
 def divisions(
     ring: Ring, form: Poly, forms: Sequence[Poly]
 ) -> Iterator[tuple[Poly, Poly, list[Poly]]]:
@@ -267,16 +281,12 @@ def divisions(
         left, tops, times, xs = form, ring.one, ring.one, ring.one
         multiples = [ring.zero] * len(forms)
         for k, j in reversed(list(zip(order, ways, strict=True))):
-            p, (x, y) = forms[k], ring.pairs[j]
-            top, degree = top_of(ring, p, j), ring.degree(p, j)
-            tops = ring.times(tops, top)
-            while tops != 0 and left != 0 and (more := ring.degree(left, j) - degree) >= 0:
-                quotient = ring.times(top_of(ring, left, j), y**more)
-                left = divmod(ring.times(left, top) - ring.times(quotient, p), x)[0]
-                multiples = [ring.times(m, top) for m in multiples]
-                multiples[k] += ring.times(xs, quotient)
-                times, xs = ring.times(times, top), xs * x
-        if left == 0:
+            tops = ring.times(tops, top_of(ring, forms[k], j))
+            more, quotient, left, x = division(ring, left, forms[k], j)
+            multiples = [ring.times(m, more) for m in multiples]
+            multiples[k] += ring.times(xs, quotient)
+            times, xs = ring.times(times, more), xs * x
+        if left == 0 and tops != 0:
             yield tops, times, multiples
 
 
