@@ -141,16 +141,12 @@ class _Minors:
         """One sum for each minor that is no multiple of a form, where there is one; its value."""
         if self.draft.sides[1] <= self.draft.rank or not self.family.relations:
             return [], []
-        ring = self.ring
+        ring, relations = self.ring, self.family.relations
         for lines, minor in self.minors.items():
-            if minor == 0:
-                self.known[lines] = _Known({}, ring.one, 0)
-                continue
-            for at, p in enumerate(self.family.relations):
-                if ring.divides(p, minor):
-                    multiple = ring.reduced(divmod(minor, p)[0])
-                    self.known[lines] = _Known({at: multiple}, ring.one, 0)
-                    break
+            at = next((at for at, p in enumerate(relations) if ring.divides(p, minor)), None)
+            if at is not None:
+                multiple = ring.reduced(divmod(minor, relations[at])[0])
+                self.known[lines] = _Known({at: multiple}, ring.one, 0)
         while more := {
             lines: one
             for lines in [lines for lines in self.minors if lines not in self.known]
@@ -164,7 +160,9 @@ class _Minors:
             minor = self.minors[lines]
             if known.depth == 0 or any(self.ring.divides(p, minor) for p in totals):
                 continue
-            total = self._written(known)
+            # Without units and in small numbers: it is compared without them.
+            short = dict(zip(known.terms, ring.stripped(*known.terms.values()), strict=True))
+            total = sum_of(len(self.family.values), short)
             found.append(total)
             put = self.ring.put(self.draft.sum(total, self.family.forms), self.family.values)
             totals += self.ring.stripped(put)
@@ -173,13 +171,12 @@ class _Minors:
     def _sum(self, lines: Lines) -> _Known | None:
         """The shortest of the sums that a minor is by what is known."""
         self.draft.require_time()
-        ways = [
-            (sum(len(c) for _, known, _ in terms for c in known.terms.values()), n, i, extra, terms)
-            for n, (i, extra, terms) in enumerate(self._relations(lines))
-        ]
+        ways = list(self._relations(lines))
         if not ways:
             return None
-        *_, i, extra, terms = min(ways, key=lambda way: way[:2])
+        i, extra, terms = min(
+            ways, key=lambda way: sum(len(c) for _, k, _ in way[2] for c in k.terms.values())
+        )
         unit = self.entries[i][extra]
         common = self.ring.one
         for _, known, _ in terms:
@@ -215,11 +212,6 @@ class _Minors:
             if len(terms) == len(others):
                 yield i, extra, terms
 
-    def _written(self, known: _Known) -> Sum:
-        """A sum as text, without units and in small numbers: it is compared without them."""
-        short = self.ring.stripped(*known.terms.values())
-        return sum_of(len(self.family.values), dict(zip(known.terms, short, strict=True)))
-
 
 def sum_of(first: int, multiples: Mapping[int, Poly]) -> Sum:
     """A sum as text: what each form is multiplied by, which are counted from ``first``."""
@@ -242,40 +234,37 @@ class Soundness:
 
 def soundness(draft: Draft, family: Place, codimension: int) -> Soundness:
     """Why all minors vanish on a family, of a codimension; NotFound if that was not seen."""
-    minors, at = dict[Lines, Poly](), draft.at(family.values)
-    place = (family.values, family.relations)
-    plain: set[Lines] = set()
+    ring, at = draft.ring, draft.at(family.values)
+    minors, plain, tried = dict[Lines, Poly](), set[Lines](), set[Lines]()
     for lines in _lines(draft, draft.rank):
         draft.require_time()
         minors[lines] = minor = at(*lines)
-        if draft.ring.vanishes(minor, place):
+        if ring.vanishes(minor, (family.values, family.relations)):
             plain.add(lines)
-    if len(plain) == len(minors):
-        return Soundness()
-    # Only of as many forms as its codimension is a family known to have nothing smaller.
-    exact = codimension == len(family.forms)
-    tried: set[Lines] = set()
-    pivot = _pivot(draft, family, plain, tried) if exact else None
-    if pivot is not None:
-        return Soundness(pivot)
     found = Soundness()
-    for lines, minor in sorted(minors.items(), key=lambda item: len(item[1])) if exact else ():
-        if lines not in plain and _by_division(draft, family, minor, found):
-            plain.add(lines)
-            if (pivot := _pivot(draft, family, plain, tried)) is not None:
-                found.pivot = pivot
-                return found
+    if len(plain) == len(minors):
+        return found
+    # Only of as many forms as its codimension is a family known to have nothing smaller.
+    if codimension == len(family.forms):
+        pivot = _pivot(draft, family, plain, tried)
+        for lines, minor in sorted(minors.items(), key=lambda item: len(item[1])):
+            if pivot is not None:
+                break
+            if lines not in plain and _by_division(draft, family, minor, found):
+                plain.add(lines)
+                pivot = _pivot(draft, family, plain, tried)
+        if pivot is not None:
+            return replace(found, pivot=pivot)
     multiples, totals = _Minors(draft, family, minors).sums()
     for minor in minors.values():
         draft.require_time()
-        place = (family.values, [*family.relations, *totals])
-        if draft.ring.vanishes(minor, place):
+        if ring.vanishes(minor, (family.values, [*family.relations, *totals])):
             continue
-        combined = combination(draft.ring, draft.ring.stripped(minor)[0], family.relations)
+        combined = combination(ring, ring.stripped(minor)[0], family.relations)
         if combined is None:
             raise NotFound(f"{place_text(family)} is not shown to be singular")
         multiples.append(sum_of(len(family.values), dict(enumerate(combined))))
-        totals += draft.ring.stripped(minor)
+        totals += ring.stripped(minor)
     return Soundness(multiples=multiples)
 
 

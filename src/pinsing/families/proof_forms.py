@@ -5,7 +5,6 @@ Sums of squares say why a form is nowhere negative, or has few real zeros.
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -82,19 +81,19 @@ def skeleton(geometry: Nominal, rank: int, roots: Sequence[int]) -> dict[str, An
     # Placements and motions; constant motions become part of a placement.
     driven, snaps = drives(geometry)
     chain: list[dict[str, Any]] = []
-    placed: list[Any] = []
+    placed = _motion()
     for i, drive in enumerate(driven):
-        placed.append(_motion(geometry.rotation[i], geometry.translation[i]))
-        if geometry.prismatic[i] and drive.shift != 0:
-            placed.append(_motion(shift=(0, 0, drive.shift)))
-        elif not geometry.prismatic[i] and (drive.turn[0] != 1 or drive.turn[1] != 0):
-            c, s = drive.turn
-            placed.append(_motion([[c, -s, 0], [s, c, 0], [0, 0, 1]]))
+        placed = placed @ _motion(geometry.rotation[i], geometry.translation[i])
+        c, s = drive.turn
+        if geometry.prismatic[i]:
+            placed = placed @ _motion(shift=(0, 0, drive.shift))
+        elif c != 1 or s != 0:
+            placed = placed @ _motion([[c, -s, 0], [s, c, 0], [0, 0, 1]])
         if drive.multiple != 0:
             multiple = number_text(drive.multiple)
             chain.append({**_placement(placed), "joint": drive.leader, "multiple": multiple})
-            placed = []
-    placed.append(_motion(geometry.tip_rotation, geometry.translation[-1]))
+            placed = _motion()
+    placed = placed @ _motion(geometry.tip_rotation, geometry.translation[-1])
     links = len(chain)
     invariant = list(task.rows) in ([*range(6)], [0, 1, 2], [3, 4, 5])
     deviation = Deviation.of((*geometry.snaps, *snaps))
@@ -128,10 +127,9 @@ def _motion(turn: Sequence[Sequence[Any]] = IDENTITY, shift: Sequence[Any] = (0,
     return np.array([*rows, [0, 0, 0, 1]], dtype=object)
 
 
-def _placement(motions: Sequence[Any]) -> dict[str, Any]:
-    """Motions one after the other."""
-    whole = functools.reduce(np.matmul, motions)
-    rows = [[number_text(x) for x in row] for row in whole[:3].tolist()]
+def _placement(motion: Any) -> dict[str, Any]:
+    """A motion as certificates write it."""
+    rows = [[number_text(x) for x in row] for row in motion[:3].tolist()]
     return {"rotation": [row[:3] for row in rows], "translation": [row[3] for row in rows]}
 
 
