@@ -23,7 +23,6 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-import pinocchio as pin
 from flint import Ordering, fmpq_mpoly_ctx
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
@@ -36,11 +35,10 @@ from pinsing.algebra.ring import Matrix, Poly, Ring, make_ring
 from pinsing.description.dh_table import BASE, FLANGE, TIP, DHTable, bare_urdf, read_dh, with_turns
 from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
 from pinsing.interface import JsonResult, checked
-from pinsing.measures import Array, ArrayLike, Chain
+from pinsing.measures import Array, ArrayLike
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
-from pinsing.robot.models import axis_rotation
-from pinsing.robot.nominal import ExactPlacements, Length3, Nominal, nominal
+from pinsing.robot.nominal import Length3, Nominal, nominal
 
 
 @dataclass(frozen=True)
@@ -306,41 +304,54 @@ class Lengths:
 
 def of_table(arm: Arm, table: DHTable, chosen: Sequence[str] | None, angle_tol: float) -> Lengths:
     """Lengths a1, d1, a2, ... and twists alpha1, ...; by default all lengths that are not zero."""
-    known = lengths_of(table)
-    twists = {f"alpha{i}": row.alpha for i, row in enumerate(table.rows, 1)}
+    # A joint that slides has no d but its value.
+    rows = dict(enumerate(table.rows, 1))
+    known = {f"{x}{i}": getattr(row, x) for i, row in rows.items() for x in "ad"
+             if x == "a" or row.type != "prismatic"}  # fmt: skip
+    twists = {f"alpha{i}": row.alpha for i, row in rows.items()}
     names = _chosen(known, twists, chosen)
     turning = [i for i, name in enumerate(twists, 1) if name in names]
+
+    def exact(values: Mapping[str, float], **changed: Any) -> Nominal:
+        some = [
+            replace(row, a=values[f"a{i}"], d=values.get(f"d{i}", row.d)) for i, row in rows.items()
+        ]
+        urdf = bare_urdf(replace(table, rows=tuple(some), **changed), turning)
+        return nominal(load(urdf, tip=arm.tip).with_task(arm.task), angle_tol)
+
+    zero = dict.fromkeys(known, 0.0)
     try:
-        if turning:
-            arm = load(bare_urdf(table, turning), tip=arm.tip).with_task(arm.task)
-        real = nominal(arm, angle_tol)
+        geometry = exact(known) if turning else nominal(arm, angle_tol)
+        parts = [
+            exact({**zero, name: 1.0} if name in known else zero, tool=None).translation
+            for name in names
+        ]
+        rest = exact({name: 0.0 if name in names else v for name, v in known.items()}).translation
     except PinsingError as error:
         raise OptionError(f"the table makes no chain: {error}") from None
-    end = arm.tip == TIP
-    zero = dict.fromkeys(known, 0.0)
-    bare = replace(table, tool=None)
-
-    def translation(values: dict[str, float], of: DHTable) -> tuple[Length3, ...]:
-        return _translation(_with(of, values), turning, end, arm, angle_tol)
-
-    parts = tuple(
-        translation({**zero, name: 1.0} if name in known else zero, bare) for name in names
-    )
-    rest = translation({n: 0.0 if n in names else v for n, v in known.items()}, table)
-    n = len(table.rows)
-    place = {f"{i}_twist": n + names.index(f"alpha{i}") for i in turning}
+    place = {f"{i}_twist": len(rows) + names.index(f"alpha{i}") for i in turning}
     own = itertools.count()
     chain = [name for name, axis, _ in with_turns(table, turning) if axis]
+    values = {**known, **twists}
     made = Lengths(
-        geometry=real,
+        geometry=geometry,
         symbols=names,
         angles=tuple(name in twists for name in names),
-        values=tuple({**known, **twists}[name] for name in names),
+        values=tuple(values[name] for name in names),
         order=tuple(place[name] if name in place else next(own) for name in chain),
-        parts=parts,
+        parts=tuple(parts),
         rest=rest,
     )
-    _check(made)
+    # Whether the sums are the chain: else a length stands where angles were moved.
+    for i, vector in enumerate(geometry.translation):
+        for k, value in enumerate(vector):
+            each = (v * float(p[i][k]) for v, p in zip(made.values, parts, strict=True))
+            total = math.fsum(each) + float(rest[i][k])
+            OptionError.refuse_if(
+                abs(total - float(value)) > 1e-9 * max(1.0, abs(float(value))),
+                "the placements of the table are no plain sums of its lengths: its angles are "
+                "too far from exact ones for symbols",
+            )
     return made
 
 
@@ -381,16 +392,6 @@ def of_arm(arm: Arm, chosen: Sequence[str] | None, angle_tol: float) -> Lengths:
     )
 
 
-def lengths_of(table: DHTable) -> dict[str, float]:
-    """Lengths of a table by name: a1, d1, a2, ...; a joint that slides has no d but its value."""
-    found = {}
-    for i, row in enumerate(table.rows, 1):
-        found[f"a{i}"] = row.a
-        if row.type != "prismatic":
-            found[f"d{i}"] = row.d
-    return found
-
-
 def _chosen(
     known: dict[str, float], twists: dict[str, float], chosen: Sequence[str] | None
 ) -> tuple[str, ...]:
@@ -404,51 +405,6 @@ def _chosen(
             )
     OptionError.refuse_if(not names, "no length is to be a symbol: all are zero, or none was named")
     return names
-
-
-def _with(table: DHTable, values: dict[str, float]) -> DHTable:
-    rows = [
-        replace(row, a=values[f"a{i}"], d=values.get(f"d{i}", row.d))
-        for i, row in enumerate(table.rows, 1)
-    ]
-    return replace(table, rows=tuple(rows))
-
-
-def _translation(
-    table: DHTable, turning: Collection[int], end: bool, arm: Arm, angle_tol: float
-) -> tuple[Length3, ...]:
-    """Exact translations of the chain of a table, to its tool if ``end``, else to its flange."""
-    shown = table if end else replace(table, tool=None)
-    rotations, translations, sliding = [], [], []
-    kinds = {row.name: row.type == "prismatic" for row in table.rows}
-    place, before = pin.SE3.Identity(), np.eye(3)
-    for name, axis, fixed in with_turns(shown, turning):
-        place = place * pin.SE3(pin.rpy.rpyToMatrix(*fixed.rpy), np.array(fixed.xyz))
-        if axis:
-            turned = axis_rotation(_AXES[axis])
-            rotations.append(before.T @ place.rotation @ turned)
-            translations.append(before.T @ place.translation)
-            sliding.append(kinds.get(name, False))
-            place, before = pin.SE3.Identity(), turned
-    rotations.append(before.T @ place.rotation)
-    translations.append(before.T @ place.translation)
-    raw = Chain(np.array(rotations), np.array(translations), np.array(sliding, dtype=bool))
-    return ExactPlacements(raw, ["a placement"] * (raw.n + 1), angle_tol).translation
-
-
-def _check(made: Lengths) -> None:
-    """Return whether the sums are the chain: else a length stands where angles were moved."""
-    for i, vector in enumerate(made.geometry.translation):
-        for k, value in enumerate(vector):
-            total = float(made.rest[i][k])
-            total += math.fsum(
-                v * float(p[i][k]) for v, p in zip(made.values, made.parts, strict=True)
-            )
-            OptionError.refuse_if(
-                abs(total - float(value)) > 1e-9 * max(1.0, abs(float(value))),
-                "the placements of the table are no plain sums of its lengths: its angles are "
-                "too far from exact ones for symbols",
-            )
 
 
 def _triples(rows: Sequence[Sequence[Fraction]]) -> tuple[Length3, ...]:
