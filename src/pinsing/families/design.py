@@ -426,17 +426,8 @@ class SpecialDesign:
     renames: bool = False
 
 
-@dataclass(frozen=True)
-class FoundFamily:
-    """What is stated, and the polynomials of one equation that it is the zeros of, if it is one."""
-
-    stated: DesignFamily
-    polys: tuple[Poly, ...]
-
-    @property
-    def name(self) -> str:
-        """F1, F2, ..."""
-        return self.stated.name
+Found = Sequence[tuple[DesignFamily, tuple[Poly, ...]]]
+"""What is stated, and the polynomials of one equation that it is the zeros of, if it is one."""
 
 
 class Changes:
@@ -447,7 +438,7 @@ class Changes:
 
     def __init__(
         self,
-        families: Sequence[FoundFamily],
+        families: Mapping[str, Sequence[Poly]],
         assumed: Sequence[Poly],
         matrix: Matrix,
         rank: int,
@@ -462,9 +453,8 @@ class Changes:
     def all(self) -> Iterator[DesignChange]:
         """Return the changes at lengths that are zero or equal but for sign, and right twists."""
         n, slides = self.names.n, self.ring.prismatic
-        within = [
-            {s for s in self.ring.joints_of(p) if s >= n} for f in self.families for p in f.polys
-        ]
+        polys = itertools.chain(*self.families.values())
+        within = [{s for s in self.ring.joints_of(p) if s >= n} for p in polys]
         used = set().union(*within, *(self.ring.joints_of(p) for p in self.assumed))
         whole = set()
         for s in sorted(used):
@@ -525,40 +515,48 @@ class Changes:
         if self._everywhere(special.images):
             yield DesignChange(condition, "", EVERYWHERE, ())
             return
-        touched = [f for f in self.families if self._touches(f, special)]
+        need = all if special.renames else any
+        # Families of which special values say anything but the name of a symbol.
+        touched = [
+            name
+            for name, polys in self.families.items()
+            if need(any(s in ring.joints_of(p) for p in polys) for s in special.symbols)
+        ]
         if not touched:
             return
-        parts = {f.name: self._parts(f, special) for f in self.families}
-        for f in touched:
-            mine = parts[f.name]
-            if len(mine) == len(f.polys) and all(_has(f.polys, p) for p in mine):
+        parts = {
+            name: self._parts(polys, special.images, name in touched)
+            for name, polys in self.families.items()
+        }
+        for name in touched:
+            polys, mine = self.families[name], parts[name]
+            if len(mine) == len(polys) and all(_has(polys, p) for p in mine):
                 continue  # it is as it was
-            before = {j for p in f.polys for j in ring.joints_of(p) if j < self.names.n}
-            after = {j for p in mine for j in ring.joints_of(p) if j < self.names.n}
+            before, after = (
+                {j for p in some for j in ring.joints_of(p) if j < self.names.n}
+                for some in (polys, mine)
+            )
             groups = self._grouped(mine)
+            into = tuple(self.names.text(math.prod(g)) for g in groups)
             if not mine:
-                yield DesignChange(condition, f.name, "vanishes", ())
+                yield DesignChange(condition, name, "vanishes", ())
             elif len(groups) > 1:
-                yield DesignChange(condition, f.name, "splits", self._texts(groups))
+                yield DesignChange(condition, name, "splits", into)
             elif before != after:
-                yield DesignChange(condition, f.name, "becomes", self._texts(groups))
-            others = [g.name for g in self.families if g is not f]
-            shared = tuple(g for g in others if any(_has(parts[g], p) for p in mine))
+                yield DesignChange(condition, name, "becomes", into)
+            shared = tuple(
+                other
+                for other, theirs in parts.items()
+                if other != name and any(_has(theirs, p) for p in mine)
+            )
             if shared:
-                yield DesignChange(condition, f.name, "merges", shared)
+                yield DesignChange(condition, name, "merges", shared)
 
-    def _touches(self, family: FoundFamily, special: SpecialDesign) -> bool:
-        """Return True if special values say anything of a family but the name of a symbol."""
-        known = {s for p in family.polys for s in self.ring.joints_of(p)}
-        need = all if special.renames else any
-        return need(s in known for s in special.symbols)
-
-    def _parts(self, family: FoundFamily, special: SpecialDesign) -> list[Poly]:
+    def _parts(self, polys: Sequence[Poly], images: Images, touched: bool) -> list[Poly]:
         """The irreducible polynomials with joints that it is the zeros of there."""
         found: list[Poly] = []
-        touched = self._touches(family, special)
-        for p in family.polys:
-            if (became := self._there(p, special.images)) == 0:
+        for p in polys:
+            if (became := self._there(p, images)) == 0:
                 continue
             self.time.check_factor(len(became))
             alone = became == p or not touched or self._irreducible(became)
@@ -600,9 +598,6 @@ class Changes:
             put[v] = image
         return self.ring.strip(self.ring.reduce(poly.compose(*put, ctx=self.ring.context)))
 
-    def _texts(self, groups: Sequence[Sequence[Poly]]) -> tuple[str, ...]:
-        return tuple(self.names.text(math.prod(g[1:], start=g[0])) for g in groups)
-
     def _grouped(self, polys: Sequence[Poly]) -> list[list[Poly]]:
         """Values of one joint together, all else alone."""
         groups: dict[object, list[Poly]] = {}
@@ -612,15 +607,11 @@ class Changes:
         return sorted(groups.values(), key=lambda g: (len(g[0]), min(g[0].monoms())))
 
 
-def _alike(p: Poly, q: Poly) -> bool:
-    """Return True if one is a multiple of the other by a number."""
-    if len(p) != len(q) or p.degrees() != q.degrees():
-        return False
-    return bool(p * q.leading_coefficient() == q * p.leading_coefficient())
-
-
 def _has(polys: Sequence[Poly], p: Poly) -> bool:
-    return any(_alike(p, q) for q in polys)
+    """Return True if one of some polynomials is a multiple of another one by a number."""
+    lead = p.leading_coefficient()
+    same = (q for q in polys if len(p) == len(q) and p.degrees() == q.degrees())
+    return any(p * q.leading_coefficient() == q * lead for q in same)
 
 
 def unreal(e: Equation, n: int) -> str:
@@ -674,21 +665,22 @@ def design_form(lengths: Lengths, joints: Sequence[str], seconds: float) -> Desi
     ring = make_ring(tuple(slides), constants(geometry, task), budget)
     whole = jacobian_matrix(_symbolic(lengths, ring), ring, task, budget, lengths.order)
     matrix = [row[:n] for row in whole]
-    rank = _rank(matrix, ring)
+    residues, rng = Residues(ring), np.random.default_rng(11)
+    rank = max(residues.generic_rank(matrix, rng) for _ in range(2))
     design = DesignNames(ring, n, (*joints, *lengths.symbols), lengths.offset)
     search = decompose(lambda: matrix, rank, ring, budget)
     gaps = list(dict.fromkeys(search.gaps))
     families, assumed, changes = _stated(search.components, design)
     rest = time_left.part(1.0, 0.1)
-    single = [f for f in families if f.polys]
+    single = {f.name: polys for f, polys in families if polys}
     try:
         changes.extend(Changes(single, assumed, matrix, rank, design, rest).all())
     except BudgetExceeded as reason:
         gaps.append(f"special lengths were not all looked at: {reason}")
     changes += [
         DesignChange(condition, f.name, "vanishes", ())
-        for f in families
-        for e in f.stated.equations
+        for f, _ in families
+        for e in f.equations
         if (condition := unreal(e, n))
     ]
     return DesignForm(
@@ -698,7 +690,7 @@ def design_form(lengths: Lengths, joints: Sequence[str], seconds: float) -> Desi
         values=lengths.values,
         angles=lengths.angles,
         generic_rank=rank,
-        families=tuple(f.stated for f in families),
+        families=tuple(f for f, _ in families),
         assumed=tuple(_not_zero(assumed, design)),
         changes=tuple(changes),
         complete=not gaps,
@@ -713,7 +705,7 @@ def _not_zero(assumed: Sequence[Poly], design: DesignNames) -> list[str]:
     for p in assumed:
         fixed = design.ring.joint_value(p)
         groups.setdefault(str(p) if fixed is None else fixed[0], []).append(p)
-    return [design.text(_product(g)).replace(" = ", " ≠ ") for g in groups.values()]
+    return [design.text(math.prod(g)).replace(" = ", " ≠ ") for g in groups.values()]
 
 
 def _symbolic(lengths: Lengths, ring: Ring) -> Any:
@@ -735,33 +727,29 @@ def _symbolic(lengths: Lengths, ring: Ring) -> Any:
     return replace(lengths.geometry, translation=translation)
 
 
-def _rank(matrix: Matrix, ring: Ring) -> int:
-    residues, rng = Residues(ring), np.random.default_rng(11)
-    return max(residues.generic_rank(matrix, rng) for _ in range(2))
-
-
 def _stated(
     components: Sequence[Component], design: DesignNames
-) -> tuple[list[FoundFamily], list[Poly], list[DesignChange]]:
+) -> tuple[Found, list[Poly], list[DesignChange]]:
     """Return families for general lengths, polynomials that must not be zero, and other changes."""
     # Zeros of a polynomial without a joint make every configuration singular.
     groups: dict[object, list[Component]] = {}
     for c in components:
         groups.setdefault((*sorted(c.values), *map(str, c.relations)), []).append(c)
-    found, assumed, appearing = list[FoundFamily](), list[Poly](), dict[str, list[str]]()
+    found: list[tuple[DesignFamily, tuple[Poly, ...]]] = []
+    assumed, appearing = list[Poly](), dict[str, list[str]]()
     for group in groups.values():
         for joined in _joined(group, design.ring):
             moving = [polys for polys in joined if any(map(design.moves, polys))]
             if not moving:
                 assumed += joined[0] if len(joined) == 1 else []
                 continue
-            equations = tuple(design.equation(_product(polys)) for polys in moving)
+            equations = tuple(design.equation(math.prod(polys)) for polys in moving)
             text = " and ".join(text_of(e) for e in equations)
             if len(moving) < len(joined):
-                fixed = [design.text(_product(p)) for p in joined if p not in moving]
+                fixed = [design.text(math.prod(p)) for p in joined if p not in moving]
                 appearing.setdefault(" and ".join(fixed), []).append(text)
                 continue
-            if at := _only_at([_product(polys) for polys in moving], design):
+            if at := _only_at([math.prod(polys) for polys in moving], design):
                 appearing.setdefault(at, []).append(text)
                 continue
             stated = DesignFamily(
@@ -771,9 +759,9 @@ def _stated(
                 equations=equations,
                 codimension=len(joined),
             )
-            found.append(FoundFamily(stated, tuple(joined[0]) if len(joined) == 1 else ()))
-    found.sort(key=lambda f: (f.stated.codimension, sum(len(e.cos) for e in f.stated.equations)))
-    named = [replace(f, stated=replace(f.stated, name=f"F{i}")) for i, f in enumerate(found, 1)]
+            found.append((stated, tuple(joined[0]) if len(joined) == 1 else ()))
+    found.sort(key=lambda f: (f[0].codimension, sum(len(e.cos) for e in f[0].equations)))
+    named = [(replace(f, name=f"F{i}"), polys) for i, (f, polys) in enumerate(found, 1)]
     more = [DesignChange(at, "", "appears", tuple(into)) for at, into in appearing.items()]
     return named, assumed, more
 
@@ -815,7 +803,3 @@ def _joined(group: Sequence[Component], ring: Ring) -> list[list[list[Poly]]]:
         each = [[ring.fixing(j, v) for v in some] for j, some in zip(joints, values, strict=True)]
         return [each + relations]
     return [[[ring.fixing(j, c.values[j])] for j in joints] + relations for c in group]
-
-
-def _product(polys: Sequence[Poly]) -> Poly:
-    return math.prod(polys[1:], start=polys[0])
