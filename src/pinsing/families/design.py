@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+import pinocchio as pin
 from flint import Ordering, fmpq_mpoly_ctx
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
@@ -38,7 +39,7 @@ from pinsing.interface import JsonResult, checked
 from pinsing.measures import Array, ArrayLike
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
-from pinsing.robot.nominal import Length3, Nominal, nominal
+from pinsing.robot.nominal import ExactPlacements, Length3, Nominal, flatten, nominal
 
 
 @dataclass(frozen=True)
@@ -312,23 +313,24 @@ def of_table(arm: Arm, table: DHTable, chosen: Sequence[str] | None, angle_tol: 
     names = _chosen(known, twists, chosen)
     turning = [i for i, name in enumerate(twists, 1) if name in names]
 
-    def exact(values: Mapping[str, float], **changed: Any) -> Nominal:
+    def exact(values: Mapping[str, float], **changed: Any) -> tuple[Length3, ...]:
         some = [
             replace(row, a=values[f"a{i}"], d=values.get(f"d{i}", row.d)) for i, row in rows.items()
         ]
         urdf = bare_urdf(replace(table, rows=tuple(some), **changed), turning)
-        return nominal(load(urdf, tip=arm.tip).with_task(arm.task), angle_tol)
+        made = replace(arm, model=pin.buildModelFromXML(urdf))
+        raw = flatten(made)
+        return ExactPlacements(raw, ["a placement"] * len(raw.R), angle_tol, arm=made).translation
 
     zero = dict.fromkeys(known, 0.0)
     try:
-        geometry = exact(known) if turning else nominal(arm, angle_tol)
-        parts = [
-            exact({**zero, name: 1.0} if name in known else zero, tool=None).translation
-            for name in names
-        ]
-        rest = exact({name: 0.0 if name in names else v for name, v in known.items()}).translation
+        if turning:
+            arm = load(bare_urdf(table, turning), tip=arm.tip).with_task(arm.task)
+        geometry = nominal(arm, angle_tol)
     except PinsingError as error:
         raise OptionError(f"the table makes no chain: {error}") from None
+    parts = [exact({**zero, name: 1.0} if name in known else zero, tool=None) for name in names]
+    rest = exact({name: 0.0 if name in names else v for name, v in known.items()})
     place = {f"{i}_twist": len(rows) + names.index(f"alpha{i}") for i in turning}
     own = itertools.count()
     chain = [name for name, axis, _ in with_turns(table, turning) if axis]
