@@ -399,13 +399,17 @@ class Wheel(_OfArcs):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Counted(Counts):
-    """Components of a ground, or of layers of it; closed if every box is certain or regular."""
+    """Components of a ground, or of layers of it; closed if every box is certain or regular.
+
+    A place is one of N boxes on a layer: its number, and N times that of the layer.
+    """
 
     layers: tuple[Ground, ...]  # of sections one each, alike but for the equation
     leaves: Leaves  # their boxes
-    label: Ints  # (N, layers): component of each certain box on each layer, from 0; else -1
+    label: Ints  # (N layers,): component of each certain place, from 0; else -1
+    sign: Ints  # (N layers, m): of the equations there
     edges: Ints  # (2, E): pairs of boxes that share a face
-    joined: Ints  # (2, P): pairs of places (box + N layer) that are certain, and of one component
+    joined: Ints  # (2, P): pairs of places that are certain, and of one component
 
 
 def subdivide(layers: tuple[Ground, ...], budget: Budget) -> Counted:
@@ -491,7 +495,7 @@ def _count(layers: tuple[Ground, ...], leaves: Leaves) -> tuple[Counted, Bool]:
         again |= possible & np.isin(outer[sigma * places :][:places], sets[times > 1])
     found = Counted(
         lower=len(sets), upper=len(names), closed=bool(leaves.regular.all()), layers=layers,
-        leaves=leaves, label=label.reshape(L, N).T, edges=np.stack([a, b]), joined=joined,
+        leaves=leaves, label=label, sign=sign, edges=np.stack([a, b]), joined=joined,
     )  # fmt: skip
     return found, (again & ~certain).reshape(L, N).any(axis=0)
 
@@ -520,11 +524,11 @@ def boxes_that_touch(ground: Ground, leaves: Leaves) -> tuple[Ints, Ints, Ints]:
     return a, b, flip
 
 
-def _graph(n: int, a: Ints, b: Ints) -> Any:
-    """A sparse matrix (n, n) of pairs of things."""
+def _graph(n: int, a: Ints, b: Ints, far: Ints | float = 1.0) -> Any:
+    """A sparse matrix (n, n) of pairs of things, and how far they are apart."""
     from scipy.sparse import coo_array
 
-    return coo_array((np.ones(len(a)), (a, b)), shape=(n, n)).tocsr()
+    return coo_array((np.broadcast_to(far, a.shape), (a, b)), shape=(n, n)).tocsr()
 
 
 def connected(n: int, a: Ints, b: Ints) -> Ints:
@@ -533,34 +537,6 @@ def connected(n: int, a: Ints, b: Ints) -> Ints:
 
     label = connected_components(_graph(n, a, b), directed=False)[1]
     return np.asarray(np.unique(label, return_index=True)[1][label], dtype=np.int64)
-
-
-def tree_to_hubs(label: Ints, order: Ints, a: Ints, b: Ints) -> Ints:
-    """Return each place's next one on the shortest way to the hub of its component, (N,)."""
-    # Components are ``label`` (N,), edges ``a`` and ``b`` (E,). The first place in ``order`` (N,)
-    # of a component is its hub; there, and where the label is -1, it is -1.
-    from scipy.sparse.csgraph import dijkstra
-
-    rows = np.lexsort((order, label))
-    rows = rows[label[rows] >= 0]
-    hubs = rows[np.unique(label[rows], return_index=True)[1]]
-    how = {"directed": False, "unweighted": True, "min_only": True, "return_predecessors": True}
-    found = dijkstra(_graph(len(label), a, b), indices=hubs, **how)[1]
-    return np.asarray(np.maximum(found, -1), np.int64)
-
-
-def row_between(tree: Ints, first: int, last: int) -> list[int] | None:
-    """Places from one to another: to the hub and back, less what is common."""
-    there, back = [first], [last]
-    for row in (there, back):
-        while tree[row[-1]] >= 0:
-            row.append(int(tree[row[-1]]))
-    if there[-1] != back[-1]:
-        return None
-    while len(there) > 1 and len(back) > 1 and there[-2] == back[-2]:
-        there.pop()
-        back.pop()
-    return there + back[-2::-1]
 
 
 def across(part: Part, box: tuple[Arc, ...]) -> int | None:
@@ -604,8 +580,8 @@ def section(equation: Equation, joints: tuple[int, ...], hub: int, cut: float) -
 class Divided(_OfArcs):
     """A box whose components are those of boxes in it, or on sections across a joint, its hub.
 
-    A place is a box on a section: its number, and N times that of the section. Points of sections
-    have all joints but the hub; without a hub there is one section, all of the box.
+    Points of sections have all joints but the hub; without a hub there is one section, all of the
+    box.
     """
 
     hub: int | None
@@ -623,20 +599,9 @@ class Divided(_OfArcs):
         return self.found.layers[0]
 
     @cached_property
-    def _label(self) -> Ints:
-        """Component of each place; -1 where it is not certain."""
-        return self.found.label.T.ravel()
-
-    @cached_property
-    def _sign(self) -> Ints:
-        """Of the equations at each place."""
-        sign = self.found.leaves.sign
-        return sign.swapaxes(0, 1).reshape(-1, sign.shape[2])
-
-    @cached_property
     def _signs(self) -> Ints:
         """Of the equations on each component, (C, m); 0 where it takes both round a circle."""
-        each = (self._sign[self._label == c] for c in range(self.found.upper))
+        each = (self.found.sign[self.found.label == c] for c in range(self.found.upper))
         return np.array([np.where((s == s[0]).all(axis=0), s[0], 0) for s in each])
 
     def signs(self, component: int) -> tuple[int, ...]:
@@ -645,12 +610,12 @@ class Divided(_OfArcs):
 
     def examples(self, component: int) -> Array:
         """Points (K, d) of a component: middles of its largest boxes, or points over them."""
-        rows, cuts = np.nonzero(self.found.label == component)
+        cuts, rows = divmod(np.flatnonzero(self.found.label == component), len(self.middles[0]))
         size, x = self.found.leaves.level[rows], self.middles[0][rows]
         if self.hub is None:
             value = np.min([np.abs(t(x)) / t.amplitude.sum() for t in self.terms], axis=0)
             return np.asarray(x[np.lexsort((-value, size))[:256]])
-        first = np.argsort(size, kind="stable")[:256]
+        first = np.lexsort((cuts, rows, size))[:256]
         x = self._lifted(x[first], self.cuts[cuts[first]])
         x[:, self.hub] = np.mean(self._arcs(x), axis=0)
         return np.asarray(x[np.argsort(-np.abs(self.terms[0](x)), kind="stable")])
@@ -681,7 +646,7 @@ class Divided(_OfArcs):
             if len(alike) == 1:
                 return int(alike[0])
         way = self._to_certain(x, clear)
-        return None if way is None else int(self._label[way[0]])
+        return None if way is None else int(self.found.label[way[0]])
 
     def _to_certain(self, x: Array, clear: Clear) -> tuple[int, Array] | None:
         """A certain place and a way (K, d) from x to a point in it, along the hub first."""
@@ -702,7 +667,7 @@ class Divided(_OfArcs):
                 continue
             place, points = way[0], self._lifted(way[1], cut)
             # Signs that agree on both sides of the inset belong to one arc of the hub.
-            if np.sign(self.terms[0](points[-1])) == self._sign[place, 0]:
+            if np.sign(self.terms[0](points[-1])) == self.found.sign[place, 0]:
                 return place, np.concatenate([x[None], points])
         return None
 
@@ -728,7 +693,7 @@ class Divided(_OfArcs):
         for _ in range(_ASCENT):
             here = self._inside(points[-1])
             box = self.box_of(here)
-            if self.found.label[box, i] >= 0:
+            if self.found.label[box + N * i] >= 0:
                 return box + N * i, np.array(points)
             signs = np.array([int(np.sign(t(here))) for t in ground.terms])
             for other in self._near_boxes(i, box, signs)[:6]:
@@ -755,9 +720,9 @@ class Divided(_OfArcs):
         """Certain boxes of section i that are one or two faces away, where signs are the same."""
         ring = self._touching[[box]].indices
         every = np.unique(np.append(ring, self._touching[ring].indices))
-        good = self.found.label[every, i] >= 0
-        every = every[good & (self.found.leaves.sign[every, i] == signs).all(axis=1)]
-        x = self.middles[0]
+        x, found = self.middles[0], self.found
+        place = every + len(x) * i
+        every = every[(found.label[place] >= 0) & (found.sign[place] == signs).all(axis=1)]
         away = np.linalg.norm(toward(x[box], x[every], self._ground.circle) - x[box], axis=1)
         return np.asarray(every[np.argsort(away)])
 
@@ -765,16 +730,28 @@ class Divided(_OfArcs):
     def _touching(self) -> Any:
         """Boxes that share a face, both ways."""
         a, b = self.found.edges
-        return _graph(len(self.found.label), np.append(a, b), np.append(b, a))
+        return _graph(len(self.middles[0]), np.append(a, b), np.append(b, a))
 
     @cached_property
-    def _tree(self) -> Ints:
-        """Of each certain place the next one towards a hub: few boxes, so large and clear ones."""
-        N, m = self.found.label.shape
-        level = np.tile(self.found.leaves.level, m)
-        if self.hub is not None:  # within the limits rather than on one
-            level += 64 * np.repeat(np.isin(np.arange(m), (0, m - 1)), N)
-        return tree_to_hubs(self._label, level, *self.found.joined)
+    def _joined(self) -> Any:
+        """Places that are joined; farther apart if small, and far where they are on a limit."""
+        count, (one, other) = len(self.found.layers), self.found.joined
+        far = np.tile(1 + self.found.leaves.level, count)
+        if self.hub is not None:
+            far += 64 * np.isin(np.arange(len(far)) * count // len(far), (0, count - 1))
+        return _graph(len(far), one, other, far[one] + far[other])
+
+    def _between(self, first: int, last: int) -> list[int] | None:
+        """Places from one to another, few and large ones, so that the way is clear; or None."""
+        from scipy.sparse.csgraph import dijkstra
+
+        row, how = [last], {"directed": False, "return_predecessors": True}
+        before = dijkstra(self._joined, indices=first, **how)[1]
+        while row[-1] != first:
+            row.append(int(before[row[-1]]))
+            if row[-1] < 0:
+                return None
+        return row[::-1]
 
     def route(self, component: int, a: Array, b: Array, clear: Clear) -> Array | None:
         """To a certain place, through others from middle to middle of boxes, and on from there."""
@@ -782,9 +759,9 @@ class Divided(_OfArcs):
         if begin is None or end is None:
             return None
         (first, start), (last, finish) = begin, end
-        if (row := row_between(self._tree, first, last)) is None:
+        if (row := self._between(first, last)) is None:
             return None
-        N, points = len(self.found.label), [*start]
+        N, points = len(self.middles[0]), [*start]
         for k, place in enumerate(row):
             i, box = divmod(place, N)
             here = points[-1] if self.hub is None else np.delete(points[-1], self.hub)
