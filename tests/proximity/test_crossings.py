@@ -98,6 +98,17 @@ def test_crossings_at_waypoints() -> None:
     assert len(crossings(form, [base + turn], families=["F2"])) == 0
 
 
+def test_a_motion_that_rests_at_a_meeting_goes_through_or_not() -> None:
+    """Its sign was asked for as far off as it rests, beyond other meetings: a third was wrong."""
+    form, rng = closed("ur5"), np.random.default_rng(0)
+    for q in form.families[2].points(40, rng):
+        u, v = rng.normal(size=(2, 6))
+        found = crossings(form, [q - u, q, q, q + v], families=["F3"])
+        met = next(c for c in found if c.t_end > 1 - 1e-6)
+        through = changes(form.families[2], np.array([q - 1e-4 * u, q + 1e-4 * v]))
+        assert met.kind == ("crossing" if through else "touch")
+
+
 def test_splines_of_scipy() -> None:
     form = closed("ur5")
     rng = np.random.default_rng(4)

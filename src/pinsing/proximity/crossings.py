@@ -344,14 +344,24 @@ def _on_surfaces(
     out = []
     for e, f in enumerate(of_equation):
         starts, ends, simple = _intervals(conditions, e, zeros, motion)
-        for first, last in _groups(starts, ends, np.minimum(near, 1e-3)):
-            u, end = float(starts[first]), float(ends[first:last].max())
-            kind = _kind(conditions, e, motion, u, end, simple[first:last])
-            if kind is not None:
-                Q = motion.at(np.linspace(u, end, 4)) * conditions.weight
-                # Joint-space length from which on an interval of zeros is called "along".
-                long = bool(np.linalg.norm(Q - Q[0], axis=1).max() > 1e-3)
-                out.append((u, end, f, "along" if long else kind))
+        if not len(starts):
+            continue
+        # Intervals that overlap, or nearly so, are one event.
+        reach, piece = np.maximum.accumulate(ends), starts.astype(np.int64).clip(0, len(near) - 1)
+        apart = starts[1:] - reach[:-1] > np.minimum(near, 1e-3)[piece[1:]]
+        first = np.append(0, np.flatnonzero(apart) + 1)
+        last = np.append(first[1:], len(starts)) - 1
+        # Between two events the sign does not change.
+        between = np.append(0.0, reach[last]) + np.append(starts[first], len(near))
+        at = conditions.sums[e].at(conditions.scaled(motion.at(between / 2)))
+        side = np.where(np.abs(at.value) > 2 * at.error, np.sign(at.value), 0.0)
+        through = (side[1:] * side[:-1] < 0) | ((first == last) & simple[first])
+        for u, end, goes in zip(starts[first], reach[last], through, strict=True):
+            Q = motion.at(np.linspace(u, end, 4)) * conditions.weight
+            # Joint-space length from which on an interval of zeros is called "along".
+            long = bool(np.linalg.norm(Q - Q[0], axis=1).max() > 1e-3)
+            kind = "crossing" if goes else "touch"
+            out.append((float(u), float(end), f, "along" if long else kind))
     return out
 
 
@@ -389,36 +399,6 @@ def _intervals(c: Conditions, e: int, zeros: Zeros, motion: Motion) -> tuple[Arr
     flags = np.concatenate([simple, np.ones(len(change), bool), np.zeros(len(small), bool)])
     order = np.argsort(start, kind="stable")
     return start[order], end[order], flags[order]
-
-
-def _groups(start: Array, end: Array, near: Array) -> list[tuple[int, int]]:
-    """Runs of intervals that overlap, or nearly so."""
-    groups: list[tuple[int, int]] = []
-    reach = -np.inf
-    for i in range(len(start)):
-        if groups and start[i] - reach <= near[min(int(start[i]), len(near) - 1)]:
-            groups[-1] = (groups[-1][0], i + 1)
-        else:
-            groups.append((i, i + 1))
-            reach = -np.inf
-        reach = max(reach, end[i])
-    return groups
-
-
-def _kind(c: Conditions, e: int, motion: Motion, u: float, end: float, simple: Bool) -> str | None:
-    """Return whether the sign differs before and after an event."""
-    if len(simple) == 1 and simple[0]:
-        return "crossing"
-    last = float(len(motion.pieces))
-    width = max(end - u, 1e-9)
-    for reach in 4.0 ** np.arange(12):  # far enough out for the sign to be seen
-        sides = np.clip([u - reach * width, end + reach * width], 0.0, last)
-        if sides[0] == u or sides[1] == end:
-            return "touch"  # at an end of the motion
-        at = c.sums[e].at(c.scaled(motion.at(sides)))
-        if (np.abs(at.value) > 2 * at.error).all():
-            return "crossing" if (at.value[0] < 0) != (at.value[1] < 0) else "touch"
-    return "touch"
 
 
 @dataclass(frozen=True)
