@@ -440,6 +440,12 @@ def test_times_that_may_be_milliseconds_are_said_to_be_taken_as_seconds(
 def test_names_beside_an_array_are_the_joints(tmp_path, arm):
     np.savez(tmp_path / "a.npz", q=Q[:, ALPHABET], joint_names=np.take(UR5, ALPHABET))
     np.testing.assert_allclose(read_trajectory(tmp_path / "a.npz", arm).Q, Q)
+    heads, times = ["t (ms)", *numbered("J{} (deg)")], timed(DEG, T * 1e3)
+    np.savez(tmp_path / "units.npz", q=times, names=heads)
+    np.savez(tmp_path / "times.npz", q=times[:, 1:], names=heads[1:], t=T)
+    for name in ("units.npz", "times.npz"):
+        read = read_trajectory(tmp_path / name, arm)
+        np.testing.assert_allclose(np.column_stack([read.t, read.Q]), timed())
     np.savez(tmp_path / "b.npz", q=Q[:, :5], names=UR5)
     with pytest.raises(ConfigurationError, match="each of the 6 names in 'names'"):
         read_trajectory(tmp_path / "b.npz", arm)

@@ -218,19 +218,25 @@ def _require_others(path: Path, arm: Arm, found: TrajectoryFile, degrees: bool) 
 
 
 def _columns(
-    path: Path, arm: Arm, array: NDArray[Any], columns: Sequence[str] = ()
+    path: Path,
+    arm: Arm,
+    array: NDArray[Any],
+    columns: Sequence[str] = (),
+    heads: Sequence[str] = (),
+    united: bool = False,
 ) -> TrajectoryFile:
-    """Columns without names: one a joint, perhaps after one of times."""
+    """Columns by their heads, or by number; without either one a joint, perhaps after times."""
     ConfigurationError.refuse_if(
         array.dtype.names is not None or array.dtype.kind not in "fiu",
         f"{path}: an array of numbers is needed, got {array.dtype}",
     )
     if array.ndim == 1 and len(array):
         array = array[None]
-    if columns and array.ndim == 2:
-        read = ColumnHeads(path, arm, [str(k + 1) for k in range(array.shape[1])], columns)
-        t = None if read.time is None else _floats(array[:, read.time])
-        return TrajectoryFile(_floats(array[:, read.order]), t, read.notes)
+    if (columns or heads) and array.ndim == 2:
+        heads = heads or [str(k + 1) for k in range(array.shape[1])]
+        read = ColumnHeads(path, arm, heads, columns, angles_said=united)
+        t = None if read.time is None else _floats(array[:, read.time]) * read.time_scale
+        return TrajectoryFile(_floats(array[:, read.order]), t, read.notes, scales=read.scales)
     ConfigurationError.refuse_if(
         array.ndim != 2 or array.shape[1] not in (arm.n, arm.n + 1),
         f"{path}: {arm.n} columns are needed, one a joint ({', '.join(arm.joints)}), or one "
@@ -293,7 +299,7 @@ def _npz(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Trajecto
     if samples is None:
         held = ", ".join(arrays) or "nothing"
         raise ConfigurationError(f"{path}: an array 'q' of samples is needed; found {held:.200}")
-    array = np.asarray(arrays[samples])
+    array, heads = np.asarray(arrays[samples]), []
     if names is not None and not columns:
         heads = [str(name) for name in np.ravel(arrays[names])]
         ConfigurationError.refuse_if(
@@ -301,18 +307,17 @@ def _npz(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Trajecto
             f"{path}: {samples!r} needs a column for each of the {len(heads)} names in "
             f"{names!r}; got shape {array.shape}",
         )
-        columns = [str(i + 1) for i in ColumnHeads(path, arm, heads).order]
-    found = _columns(path, arm, array, columns)
+    found = _columns(path, arm, array, columns, heads, united)
     if times is None:
         return found
     ConfigurationError.refuse_if(
-        found.t is not None,
+        found.t is not None and not heads,
         f"{path}: times are in {times!r} and in a column of {samples!r}: leave one out",
     )
     if arrays[times].dtype.kind not in "fiu":
         kind = arrays[times].dtype
         raise ConfigurationError(f"{path}: times must be numbers, got an array of {kind}")
-    return TrajectoryFile(found.Q, np.asarray(arrays[times], dtype=float), ())
+    return replace(found, t=np.asarray(arrays[times], dtype=float), notes=())
 
 
 LARGEST_TEXT = 64 * MEBIBYTE  # bytes: a minute of reading
