@@ -2,7 +2,10 @@
 
 import functools
 import tempfile
+from itertools import pairwise
 from pathlib import Path
+
+import numpy as np
 
 import pinsing
 from pinsing.description.dh_table import dh_to_urdf, read_dh
@@ -41,6 +44,11 @@ def snake(joints):
     a, d, alpha = (0.2, 0.15, 0.25), (0.1, 0.05), (90, -90)
     rows = [(alpha[i % 2], a[i % 3], d[i % 2]) for i in range(joints)]
     return dh_arm(rows, limits=(-170, 170))
+
+
+def along(path, count=300):
+    """Points all along a way (K, n), ``count`` from each waypoint to the next."""
+    return np.concatenate([np.linspace(a, b, count) for a, b in pairwise(path)])
 
 
 @functools.cache

@@ -1,11 +1,10 @@
 """Aspects, ways between postures, inverse solutions and cuspidal arms."""
 
 import json
-from itertools import pairwise
 
 import numpy as np
 import pytest
-from dh_arms import CRX, GOFA, arm_of, aspects_of, dh_arm, form_of
+from dh_arms import CRX, GOFA, along, arm_of, aspects_of, dh_arm, form_of
 from tiers import sampled, tiered
 
 import pinsing
@@ -35,10 +34,7 @@ def orthogonal(d2, d3, d4, r2):
 
 
 def signs_of_det(arm, path, count=60):
-    share = np.linspace(0, 1, count)[:, None]
-    fine = np.concatenate([a + share * (b - a) for a, b in pairwise(path)])
-    J = pinsing.kinematics.task_jacobians(arm, fine)
-    return np.sign(np.linalg.det(J))
+    return np.sign(np.linalg.det(pinsing.kinematics.task_jacobians(arm, along(path, count))))
 
 
 @pytest.mark.parametrize("name", sampled(tiered(COUNTS, {"ur5", "puma560", "stanford", "kinova"})))
@@ -195,10 +191,7 @@ class TestConnect:
             for a, b in arm.space.sample(20, rng).reshape(-1, 2, 6)
         ]
         for way in (w for w in ways if w.same):
-            share = np.linspace(0, 1, 300)[:, None]
-            legs = zip(way.path[:-1], way.path[1:], strict=True)
-            fine = np.concatenate([p + share * (r - p) for p, r in legs])
-            upper = pinsing.clearance(form, fine).upper
+            upper = pinsing.clearance(form, along(way.path)).upper
             assert upper.min() >= way.clearance - 1e-12
 
     def test_json_and_back(self):
@@ -333,11 +326,10 @@ class TestCuspidality:
         first, last = (tip_placement(arm, q).homogeneous for q in (path[0], path[-1]))
         assert np.abs(first - last).max() < 1e-9
         assert np.abs(arm.space.wrap(path[-1] - path[0])).max() > 1
-        for a, b in pairwise(path):
-            fine = a + np.linspace(0, 1, 2000)[:, None] * (b - a)
-            sizes = np.linalg.svd(pinsing.kinematics.task_jacobians(arm, fine), compute_uv=False)
-            assert sizes.shape[1] == 5
-            assert sizes[:, 4].min() > 1e-5
+        J = pinsing.kinematics.task_jacobians(arm, along(path, 2000))
+        sizes = np.linalg.svd(J, compute_uv=False)
+        assert sizes.shape[1] == 5
+        assert sizes[:, 4].min() > 1e-5
         said = " ".join(found.notes)
         assert "with 5 joints regular means rank 5" in said
         assert "rests on numbers" in said

@@ -1,11 +1,10 @@
 """What is said about postures where families lack, and where they separate nothing."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
-from dh_arms import arm_of, aspects_of, form_of
+from dh_arms import along, arm_of, aspects_of, form_of
 
 import pinsing
 from pinsing.kinematics.inverse import columns, regular_way
@@ -20,10 +19,6 @@ def lacking(name, *names):
     kept = tuple(f for f in form.families if f.name not in names)
     assert len(kept) == len(form.families) - len(names)
     return replace(form, families=kept, complete=False, gaps=("the time ran out",))
-
-
-def fine(path):
-    return np.concatenate([np.linspace(a, b, 600) for a, b in pairwise(path)])
 
 
 class TestFamiliesThatSeparateNothing:
@@ -46,12 +41,12 @@ class TestFamiliesThatSeparateNothing:
         assert len(thin) == 3
         for family in thin:
             a, b = self.between(family)
-            assert ratios(arm, fine(np.stack([a, b]))).min() < 1e-4
+            assert ratios(arm, along(np.stack([a, b]))).min() < 1e-4
             way = pinsing.connect(form, a, b, of=of)
             assert way.answer == "same"
             assert len(way.path) > 2
             assert regular_way(arm, way.path)
-            assert 0 < way.clearance <= pinsing.clearance(form, fine(way.path)).upper.min() + 1e-12
+            assert 0 < way.clearance <= pinsing.clearance(form, along(way.path)).upper.min() + 1e-12
 
     def test_what_is_singular_is_in_no_aspect(self):
         form, of = form_of("iiwa14"), aspects_of("iiwa14")

@@ -37,8 +37,11 @@ def states(name: str, count: int, seed: int = 0) -> tuple[Array, Array]:
     return Q, V
 
 
-def without_engine(monitor: pinsing.Monitor) -> pinsing.Monitor:
-    monitor._handle = None
+def monitor_of(form: pinsing.ClosedForm, compiled: bool, **options: float) -> pinsing.Monitor:
+    """A monitor that judges in the kernel, or in NumPy."""
+    monitor = pinsing.Monitor(form, **options)
+    if not compiled:
+        monitor._handle = None
     return monitor
 
 
@@ -114,7 +117,7 @@ def test_no_contact_before_it_is_said(name: str) -> None:
 @pytest.mark.parametrize("name", ARMS)
 def test_the_same_without_the_compiled_engine(name: str) -> None:
     form = closed(name)
-    fast, slow = pinsing.Monitor(form), without_engine(pinsing.Monitor(form))
+    fast, slow = (monitor_of(form, compiled) for compiled in (True, False))
     Q, V = states(name, 25, 4)
     for q, v in zip(Q, V, strict=True):
         a, b = fast.update(q, v), slow.update(q, v)
@@ -139,9 +142,7 @@ def test_prismatic_joints_in_equations(compiled: bool) -> None:
     )
     summary = dataclasses.replace(form.arm, length_scale=0.5)
     form = dataclasses.replace(form, families=(family,), arm=summary)
-    monitor = pinsing.Monitor(form, horizon=3.0)
-    if not compiled:
-        without_engine(monitor)
+    monitor = monitor_of(form, compiled, horizon=3.0)
     rng = np.random.default_rng(5)
     met = 0
     for _ in range(60):
@@ -200,9 +201,7 @@ def test_at_a_singular_configuration():
 @pytest.mark.parametrize("compiled", [True, False])
 @pytest.mark.parametrize("size", [1e-320, 1e-300, 1e-9, 1e9, 1e300])
 def test_speeds_of_any_size(size: float, compiled: bool) -> None:
-    monitor = pinsing.Monitor(closed("ur5"), horizon=np.inf)
-    if not compiled:
-        without_engine(monitor)
+    monitor = monitor_of(closed("ur5"), compiled, horizon=np.inf)
     verdict = monitor.update([0, -1.2, 1.3, -1, 0.5, 0], np.array([0, 0, 0, 0, -1.0, 0]) * size)
     assert verdict.trend == "toward"
     assert verdict.time_to_contact is not None
@@ -213,9 +212,7 @@ def test_speeds_of_any_size(size: float, compiled: bool) -> None:
 
 @pytest.mark.parametrize("compiled", [True, False])
 def test_huge_joint_values_are_never_said_to_be_clear_wrongly(compiled: bool) -> None:
-    monitor = pinsing.Monitor(closed("ur5"))
-    if not compiled:
-        without_engine(monitor)
+    monitor = monitor_of(closed("ur5"), compiled)
     for size in (1e6, 1e12, 1e17, 1e300):
         verdict = monitor.update(np.full(6, size), np.ones(6))
         assert not np.isnan(verdict.lower)
@@ -259,9 +256,7 @@ def test_what_is_missing_is_said():
 )  # fmt: skip
 @pytest.mark.parametrize("compiled", [True, False])
 def test_bad_configurations(q: object, dq: object, said: str, compiled: bool) -> None:
-    monitor = pinsing.Monitor(closed("ur5"))
-    if not compiled:
-        without_engine(monitor)
+    monitor = monitor_of(closed("ur5"), compiled)
     monitor.update([0, -1.2, 1.3, -1, 0.0, 0])
     with pytest.raises(ConfigurationError, match=said) as raised:
         monitor.update(q, dq)

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import run
 from kernel import needs_kernel
 from singular_sets import arm_of, closed
 from tiers import tiered
 
 import pinsing
-from pinsing.cli.app import command
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.measures import Array
 from pinsing.proximity import trajectory
@@ -29,12 +29,6 @@ def path(n: int, wrist: tuple[float, float]) -> tuple[Array, Array]:
     Q = CLEAR + 0.1 * np.sin(3 * s)[:, None] * np.ones(6)
     Q[:, 4] = wrist[0] + (wrist[1] - wrist[0]) * s
     return Q, 4.0 * s
-
-
-def run(*args: object) -> int:
-    with pytest.raises(SystemExit) as ended:
-        command.main([str(a) for a in args])
-    return int(ended.value.code or 0)
 
 
 def test_what_a_crossing_path_meets() -> None:
@@ -236,7 +230,7 @@ class TestTheWholeRobotsColumns:
                     read_trajectory(path, arm, True)
 
 
-def test_other_bad_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_other_bad_files(tmp_path: Path) -> None:
     Q, t = path(5, (-1.0, 1.0))
     np.savez(tmp_path / "no.npz", x=Q)
     np.savez(tmp_path / "back.npz", q=Q, t=t[::-1])
@@ -258,10 +252,10 @@ def test_other_bad_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         ("hole.npy", "inf"),
         (".", "cannot read"),
     ):
-        assert run("check", "ur5", tmp_path / name) == 2, name
-        error = capsys.readouterr().err
-        assert words in error
-        assert error.count("error:") == 1
+        done = run("check", "ur5", tmp_path / name)
+        assert done.exit_code == 2, name
+        assert words in done.stderr
+        assert done.stderr.count("error:") == 1
 
 
 def test_a_stay_on_a_singularity_has_its_end():
@@ -294,40 +288,38 @@ def test_the_first_line_says_the_worst():
     assert "worst directions" not in text
 
 
-def test_a_file_in_degrees_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_in_degrees_is_refused(tmp_path: Path) -> None:
     Q, t = path(51, (-1.4, -0.4))
     file = tmp_path / "degrees.csv"
     np.savetxt(file, np.column_stack([t, np.degrees(Q)]), delimiter=",")
-    assert run("check", "ur5", file) == 2
-    said = capsys.readouterr()
-    assert "sample 1: shoulder_lift_joint = " in said.err
-    assert not said.out
-    assert run("check", "ur5", file, "--deg") == 0
-    assert capsys.readouterr().out.startswith("degrees.csv: meets no singular configuration")
-    assert run("check", "ur5", file, "--rad") == 0
-    assert "leaves joint limits" in " ".join(capsys.readouterr().out.split())
+    said, degrees, radians = (
+        run("check", "ur5", file, *unit) for unit in ([], ["--deg"], ["--rad"])
+    )
+    assert "sample 1: shoulder_lift_joint = " in said.stderr
+    assert [x.exit_code for x in (said, degrees, radians)] == [2, 0, 0]
+    assert not said.stdout
+    assert degrees.stdout.startswith("degrees.csv: meets no singular configuration")
+    assert "leaves joint limits" in " ".join(radians.stdout.split())
 
 
-def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command(tmp_path: Path) -> None:
     Q, t = path(51, (-1.4, -0.4))
     file = tmp_path / "path.npz"
     np.savez(file, q=Q, t=t)
-    assert run("check", "ur5", file) == 0
-    out = capsys.readouterr().out
-    assert out.startswith("path.npz: meets no singular configuration")
-    assert run("check", "ur5", file, "--fail-within", "3deg") == 0
-    assert run("check", "ur5", file, "--fail-within", "30deg") == 1
-    capsys.readouterr()
-    assert run("check", "ur5", file, "-o", "-", "--near", "0.5rad", "--family", "F2") == 0
-    data = json.loads(capsys.readouterr().out)
+    for code, words in ((0, ()), (0, ("--fail-within", "3deg")), (1, ("--fail-within", "30deg"))):
+        done = run("check", "ur5", file, *words)
+        assert done.exit_code == code
+        assert done.stdout.startswith("path.npz: meets no singular configuration")
+    done = run("check", "ur5", file, "-o", "-", "--near", "0.5rad", "--family", "F2")
+    data = json.loads(done.stdout)
     assert data["schema"] == "pinsing/trajectory_check/1"
     assert [a["family"] for a in data["approaches"]] == ["F2"]
     assert len(data["stretches"]) == 1
     picture = tmp_path / "a.png"
-    assert run("check", "ur5", file, "-o", picture) == 0
+    assert run("check", "ur5", file, "-o", picture).exit_code == 0
     assert picture.read_bytes().startswith(b"\x89PNG")
     np.savez(file, q=np.degrees(Q), t=t)
-    assert run("check", "ur5", file, "--deg", "--fail-within", "3deg") == 0
+    assert run("check", "ur5", file, "--deg", "--fail-within", "3deg").exit_code == 0
 
 
 class TestStretches:
