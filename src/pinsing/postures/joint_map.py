@@ -57,7 +57,8 @@ DEEPEST = 14
 """How often boxes are halved at most."""
 _BOX = 100.0
 """Products that a box costs beside those of its terms, of which each takes some five."""
-_ASCENT = 60
+_LINES = 32
+"""Straight lines to certain boxes that are tried, the shortest."""
 
 
 @dataclass(frozen=True)
@@ -408,7 +409,6 @@ class Counted(Counts):
     leaves: Leaves  # their boxes
     label: Ints  # (N layers,): component of each certain place, from 0; else -1
     sign: Ints  # (N layers, m): of the equations there
-    edges: Ints  # (2, E): pairs of boxes that share a face
     joined: Ints  # (2, P): pairs of places that are certain, and of one component
 
 
@@ -495,7 +495,7 @@ def _count(layers: tuple[Ground, ...], leaves: Leaves) -> tuple[Counted, Bool]:
         again |= possible & np.isin(outer[sigma * places :][:places], sets[times > 1])
     found = Counted(
         lower=len(sets), upper=len(names), closed=bool(leaves.regular.all()), layers=layers,
-        leaves=leaves, label=label, sign=sign, edges=np.stack([a, b]), joined=joined,
+        leaves=leaves, label=label, sign=sign, joined=joined,
     )  # fmt: skip
     return found, (again & ~certain).reshape(L, N).any(axis=0)
 
@@ -687,71 +687,47 @@ class Divided(_OfArcs):
 
     def _on_section(self, i: int, x: Array, clear: Clear) -> tuple[int, Array] | None:
         """A certain place of section i and a way (K, d) on it from x to a point in it."""
-        points, (middles, half) = [x], self.middles
-        ground, N = self.found.layers[i], len(middles)
-        margin = 1e-9 * (ground.high - ground.low)
-        for _ in range(_ASCENT):
-            here = self._inside(points[-1])
-            box = self.box_of(here)
-            if self.found.label[box + N * i] >= 0:
-                return box + N * i, np.array(points)
-            signs = np.array([int(np.sign(t(here))) for t in ground.terms])
-            for other in self._near_boxes(i, box, signs)[:6]:
-                goal = points[-1] + (toward(here, middles[other], ground.circle) - here)
-                if clear(np.stack([points[-1], goal])):
-                    return int(other) + N * i, np.array([*points, goal])
-            step = np.zeros(len(x))
-            for t, s in zip(ground.terms, signs, strict=True):
-                g = s * t.at(here[None]).gradient[0] * ground.scale**2
-                step += g / max(float(np.linalg.norm(g)), 1e-300)
-            length = float(half[box].max()) / max(float(np.linalg.norm(step)), 1e-300)
-            for shrink in (1.0, 0.5, 0.25, 0.1, 0.02):
-                goal = points[-1] + step * length * shrink
-                within = np.clip(goal, ground.low + margin, ground.high - margin)
-                goal = np.where(ground.circle, goal, within)
-                if clear(np.stack([points[-1], goal])):
-                    points.append(goal)
-                    break
-            else:
-                return None
+        (middles, _), circle = self.middles, self._ground.circle
+        here, first = self._inside(x), len(middles) * i
+        if self.found.label[place := first + self.box_of(here)] >= 0:
+            return place, x[None]
+        # The nearest ones where signs are the same.
+        signs = [np.sign(t(here)) for t in self.found.layers[i].terms]
+        places = slice(first, first + len(middles))
+        same = (self.found.sign[places] == signs).all(axis=1)
+        boxes = np.flatnonzero(same & (self.found.label[places] >= 0))
+        moves = toward(here, middles[boxes], circle) - here
+        for k in np.argsort(np.linalg.norm(moves, axis=1))[:_LINES]:
+            if clear(way := np.stack([x, x + moves[k]])):
+                return first + int(boxes[k]), way
         return None
 
-    def _near_boxes(self, i: int, box: int, signs: Ints) -> Ints:
-        """Certain boxes of section i that are one or two faces away, where signs are the same."""
-        ring = self._touching[[box]].indices
-        every = np.unique(np.append(ring, self._touching[ring].indices))
-        x, found = self.middles[0], self.found
-        place = every + len(x) * i
-        every = every[(found.label[place] >= 0) & (found.sign[place] == signs).all(axis=1)]
-        away = np.linalg.norm(toward(x[box], x[every], self._ground.circle) - x[box], axis=1)
-        return np.asarray(every[np.argsort(away)])
-
     @cached_property
-    def _touching(self) -> Any:
-        """Boxes that share a face, both ways."""
-        a, b = self.found.edges
-        return _graph(len(self.middles[0]), np.append(a, b), np.append(b, a))
-
-    @cached_property
-    def _joined(self) -> Any:
-        """Places that are joined; farther apart if small, and far where they are on a limit."""
-        count, (one, other) = len(self.found.layers), self.found.joined
-        far = np.tile(1 + self.found.leaves.level, count)
-        if self.hub is not None:
-            far += 64 * np.isin(np.arange(len(far)) * count // len(far), (0, count - 1))
-        return _graph(len(far), one, other, far[one] + far[other])
-
-    def _between(self, first: int, last: int) -> list[int] | None:
-        """Places from one to another, few and large ones, so that the way is clear; or None."""
+    def _tree(self) -> Ints:
+        """Of each certain place the next one towards a hub, through large boxes, so clear ones."""
         from scipy.sparse.csgraph import dijkstra
 
-        row, how = [last], {"directed": False, "return_predecessors": True}
-        before = dijkstra(self._joined, indices=first, **how)[1]
-        while row[-1] != first:
-            row.append(int(before[row[-1]]))
-            if row[-1] < 0:
-                return None
-        return row[::-1]
+        label, count, (one, other) = self.found.label, len(self.found.layers), self.found.joined
+        far = np.tile(1 + self.found.leaves.level, count)
+        if self.hub is not None:  # within the limits rather than on one
+            far += 64 * np.isin(np.arange(len(far)) * count // len(far), (0, count - 1))
+        each = (np.flatnonzero(label == c) for c in range(self.found.upper))
+        hubs = [places[far[places].argmin()] for places in each]
+        how = {"directed": False, "min_only": True, "return_predecessors": True}
+        graph = _graph(len(far), one, other, far[one] + far[other])
+        return np.asarray(dijkstra(graph, indices=hubs, **how)[1], np.int64)
+
+    def _between(self, first: int, last: int) -> list[int] | None:
+        """Places from one to another: toward a hub, from where both ways meet to the other."""
+        there, back = [first], [last]
+        for row in (there, back):
+            while self._tree[row[-1]] >= 0:
+                row.append(int(self._tree[row[-1]]))
+        known = set(back)
+        meet = next((place for place in there if place in known), None)
+        if meet is None:
+            return None
+        return there[: there.index(meet)] + back[: back.index(meet) + 1][::-1]
 
     def route(self, component: int, a: Array, b: Array, clear: Clear) -> Array | None:
         """To a certain place, through others from middle to middle of boxes, and on from there."""
