@@ -586,12 +586,9 @@ class Passage:
             # A lower bound of the clearance on each step.
             bound = np.maximum((least[:-1] + least[1:] - length) / 2, 0.0)
             inside, outside = bound < near, least >= near
-            found = runs(inside)
-            # Steps of a stretch on which it may be a good deal nearer than is known so far.
-            known = np.full(len(inside), np.inf)
-            for start, end in found:
-                known[start:end] = least[start : end + 1].min()
-            again = outside[:-1] | outside[1:] | (bound < 0.95 * known - 0.01 * near)
+            # Ends of a stretch, and steps on which it may be a good deal nearer than is known.
+            nearer = bound < 0.95 * np.minimum(least[:-1], least[1:]) - 0.01 * near
+            again = outside[:-1] | outside[1:] | nearer
             # Steps of this length are not halved any more.
             k = np.flatnonzero(inside & again & (length > 1e-4))
             if halvings == 18 or not len(k):
@@ -602,7 +599,7 @@ class Passage:
             u, Q = np.insert(u, k + 1, middle), np.insert(Q, k + 1, there, axis=0)
             least = np.insert(least, k + 1, lower) * watched.known_along(Q)
         t = motion.time(u)
-        for start, end in found:
+        for start, end in runs(inside):
             q = Q[start + int(np.argmin(least[start : end + 1]))]
             family = watched.names[int(nearest_family(watched.conditions, q[None])[0][0])]
             ends, clear = (float(t[start]), float(t[end])), float(bound[start:end].min())

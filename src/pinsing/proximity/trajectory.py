@@ -361,30 +361,27 @@ class Speeds:
         begin = max(first, 1)  # steps belong to the sample at which they end
         if last <= begin:
             return
-        step = np.diff(Q, axis=0)[begin - 1 : last - 1]
+        step = np.abs(np.diff(Q, axis=0)[begin - 1 : last - 1])
         before, after = t[begin - 1 : last - 1], t[begin:last]
-        usual = np.median(np.abs(step), axis=0)
-        far = np.where(self.arm.prismatic, self.arm.length_scale, 1.0)
-        bound = np.maximum(_SHORT_JUMP * far, 20.0 * usual) if len(step) > 8 else np.inf * far
-        bound = np.minimum(bound, np.where(self.arm.prismatic, np.inf, _LONG_JUMP))
-        jump = np.abs(step) > bound
-        limits = np.broadcast_to(bound, step.shape)
-        self._keep("jump", before, after, np.abs(step), np.abs(step), limits, jump)
+        slides = self.arm.prismatic
+        far = np.where(slides, self.arm.length_scale, 1.0)
+        often = 20.0 * np.median(step, axis=0) if len(step) > 8 else np.inf
+        bound = np.maximum(_SHORT_JUMP * far, often)
+        bound = np.minimum(bound, np.where(slides, np.inf, _LONG_JUMP))
+        self._keep("jump", before, after, step, step, bound, step > bound)
         if not self.timed:
             return
-        speed = np.abs(step) / (after - before)[:, None]
-        limits = np.broadcast_to(self.limits, speed.shape)
-        over = speed > limits * (1 + 1e-9)
-        self._keep("speed", before, after, speed / limits, speed, limits, over)
+        speed = step / (after - before)[:, None]
+        share = speed / self.limits
+        self._keep("speed", before, after, share, speed, self.limits, share > 1 + 1e-9)
         begin = max(begin - 1, 2)
         if self.accelerations is None or last <= begin:
             return
         rate = np.diff(Q, axis=0) / np.diff(t)[:, None]
         middle = (t[1:] + t[:-1]) / 2
         bend = np.abs(np.diff(rate, axis=0) / np.diff(middle)[:, None])[begin - 2 : last - 2]
-        limits = np.broadcast_to(self.accelerations, bend.shape)
-        at = t[begin - 1 : last - 1]
-        self._keep("acceleration", at, at, bend / limits, bend, limits, bend > limits * (1 + 1e-9))
+        share, at = bend / self.accelerations, t[begin - 1 : last - 1]
+        self._keep("acceleration", at, at, share, bend, self.accelerations, share > 1 + 1e-9)
 
     def _cost(self, t: Array, Q: Array) -> None:
         """Return where some tip velocity of the given speeds needs more than a joint's limit."""
@@ -397,7 +394,6 @@ class Speeds:
         share = np.zeros(Q.shape)
         for part in np.array_split(hard, max(1, len(hard) // 4096)):
             share[part] = self.judge.shares(Q[part], self.tip_speed, self.turn_speed)
-        limits = np.broadcast_to(limits, share.shape)
         worst = np.where(share > 0, share * np.where(share > 0, limits, 0.0), 0.0)
         self._keep("cost", t, t, share, worst, limits, share > 1)
 
@@ -417,7 +413,8 @@ class Speeds:
     def _keep(
         self, kind: str, t: Array, t_end: Array, size: Array, value: Array, limit: Array, bad: Bool
     ) -> None:
-        """Turn runs of bad entries (K, n) into excesses."""
+        """Turn runs of bad entries (K, n) into excesses over limits (n,) or (K, n)."""
+        limit = np.broadcast_to(limit, value.shape)
         for j in range(self.arm.n):
             for first, end in runs(bad[:, j]):
                 if first and len(self._found.get(kind, [])) >= 200:
