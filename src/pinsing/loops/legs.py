@@ -135,11 +135,7 @@ class Rod:
                 return ()
             middle, spread = float(np.arctan2(b, along)), float(np.arccos(c / most))
             return middle + spread, middle - spread
-        # |e - q first| = length.
-        middle = along / size
-        left = middle**2 - known / size
-        NotThisKind.refuse_if(abs(left) <= ROUNDING)
-        return () if left < 0 else (middle + float(np.sqrt(left)), middle - float(np.sqrt(left)))
+        return _two_roots(size, -along, known)  # |e - q first| = length
 
     def variables(self, name: str) -> tuple[str, ...]:
         """Variables that equations have for the joint of this name."""
@@ -168,6 +164,14 @@ class Rod:
         if self.kind == "crank":
             return f"{text} + cos {name} {written(self.first)} + sin {name} {written(self.second)}"
         return f"{text} + {name} {written(self.first)}" if self.moved else text
+
+
+def _two_roots(a: float, b: float, c: float) -> tuple[float, ...]:
+    """Real roots of a t^2 + 2 b t + c; NotThisKind where they are one, or it is not quadratic."""
+    NotThisKind.refuse_if(a <= ROUNDING)
+    middle, left = -b / a, (b / a) ** 2 - c / a
+    NotThisKind.refuse_if(abs(left) <= ROUNDING)
+    return () if left < 0 else (middle + math.sqrt(left), middle - math.sqrt(left))
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,6 +305,10 @@ class _Recognizer:
         self.axes, self.own = plane or (np.eye(3), np.eye(3))
         drawn = mechanism.space.sample(4, np.random.default_rng(4177))
         self.samples = [Sample(mechanism, q, self.axes, self.own) for q in drawn]
+        # (N, n) and (N, n, 3): values of the joints, their axes, points on these.
+        self.q, self.axis, self.origins = (
+            np.array([getattr(s, name) for s in self.samples]) for name in ("q", "axis", "origins")
+        )
 
     def rods(self) -> Rods:
         mechanism = self.mechanism
@@ -367,14 +375,20 @@ class _Recognizer:
 
     def offset(self, joint: int, reach: Array) -> float:
         """Return what a slide's value lacks of its length (N, 3), as from mid-stroke."""
-        along = np.array([s.axis[joint] for s in self.samples])
         NotThisKind.refuse_if(not self.mechanism.prismatic[joint] or self.beside(joint, reach))
-        lengths = (reach * self.flat * along).sum(axis=1)
-        values = np.array([s.q[joint] for s in self.samples])
-        for off in (lengths - values, -lengths - values):
-            if np.abs(off - off[0]).max() <= ROUNDING:
-                return 0.0 if abs(off[0]) <= ROUNDING else round(float(off[0]), 12)
-        raise NotThisKind
+        lengths = (reach * self.flat * self.axis[:, joint]).sum(axis=1)
+        off = np.outer([1.0, -1.0], lengths) - self.q[:, joint]
+        same = np.ptp(off, axis=1) <= ROUNDING
+        NotThisKind.refuse_if(not same.any())
+        found = float(off[int(np.argmax(same)), 0])
+        return 0.0 if abs(found) <= ROUNDING else round(found, 12)
+
+    def across(self, points: Array, joint: int, ends: Array) -> Array:
+        """Points (N, 3) moved along a joint's axis, which stays, to straight across from ends."""
+        axis = self.axis[:, joint]
+        off = (ends - points) @ axis[0]
+        NotThisKind.refuse_if(max(np.ptp(off), np.abs(axis - axis[0]).max()) > ROUNDING)
+        return np.asarray(points[0] + off[0] * axis[0])
 
     def parted(self, joints: Sequence[int]) -> tuple[tuple[int, ...], tuple[int, ...], Centre]:
         """The driven joints, the passive ones, and the centre that these have in common."""
@@ -399,25 +413,22 @@ class _Recognizer:
         NotThisKind.refuse_if(len(driven) != 1 or len(passive) > self.ball or not whole)
         (joint,) = driven
         hinge = len(passive) == 1 and not self.planar
-        axis = sample.axis[passive[0]]
+        axis = self.axis[0, passive[0]]
         C, B, outer = self.points(centre), way.end, self.in_output(way.other)
         if path.index(joint) > path.index(passive[-1]):
             if self.planar and not mechanism.prismatic[joint]:
                 elbow = sample.joints[joint + 1].translation
                 one, two = (float(np.linalg.norm((elbow - p[0])[:2])) for p in (C, B))
                 return [Rod("elbow", joint, outer, C[0], links=(one, two))]
-            tilts = max(abs(s.axis[joint] @ axis) for s in self.samples)
-            NotThisKind.refuse_if(hinge and tilts > ROUNDING)
+            NotThisKind.refuse_if(hinge and np.abs(self.axis[:, joint] @ axis).max() > ROUNDING)
             return self.strut(joint, outer, C[0], B - C, axis if hinge else None)
         NotThisKind.refuse_if(path != [joint, *passive])
         if not hinge:
             return [carried(mechanism, sample, joint, C[0], outer)]
         # A hinge that a slide or a crank with the same axis carries (PRS, RRS): its point that is
         # straight across from the end of the rod.
-        off = (B - C) @ axis
-        turned = np.abs([s.axis[passive[0]] - axis for s in self.samples]).max()
-        NotThisKind.refuse_if(max(turned, np.abs(off - off[0]).max()) > ROUNDING)
-        return [replace(carried(mechanism, sample, joint, C[0] + off[0] * axis, outer), hinge=axis)]
+        inner = self.across(C, passive[0], B)
+        return [replace(carried(mechanism, sample, joint, inner, outer), hinge=axis)]
 
     def hanging(self, way: _Way) -> list[Rod]:
         """The force of a leg written from the output: the loop is at its foot, or at the crank."""
@@ -432,27 +443,23 @@ class _Recognizer:
 
     def foot_driven(self, way: _Way) -> list[Rod]:
         """The forces of one leg that is driven at its foot."""
-        mechanism, sample, path = self.mechanism, self.samples[0], way.path
+        mechanism, path = self.mechanism, way.path
         slides = mechanism.prismatic[path].tolist()
         known = slides == [False, True] or (slides == [False, False, True] and not self.planar)
         at_foot = set(path[:-1]) & set(mechanism.actuated)
         NotThisKind.refuse_if(not known or not at_foot or len(way.joints) not in (0, self.ball))
         first, slide = path[0], path[-1]
-        axis = sample.axis[first]
-        foot, B = np.array(sample.joints[first + 1].translation), way.end
+        axis, B = self.axis[0, first], way.end
         if len(path) == 3:
             # Where along the first axis the second one meets it, all crossed at right angles.
-            at = [(*s.axis[path], s.origins[path[1]] - s.origins[first]) for s in self.samples]
-            off = [x for a, b, c, gap in at for x in (a @ b, b @ c, gap @ np.cross(a, b))]
+            a, b, c = np.moveaxis(self.axis[:, path], 1, 0)
+            gap = self.origins[:, path[1]] - self.origins[:, first]
+            off = [(x * y).sum(axis=1) for x, y in ((a, b), (b, c), (gap, np.cross(a, b)))]
             NotThisKind.refuse_if(np.abs(off).max() > ROUNDING)
-            met = float(at[0][3] @ axis)
+            foot = self.origins[0, first] + (gap[0] @ axis) * axis
         else:
-            # Straight across from the end.
-            off = (B - foot) @ axis
-            met = float(off[0])
-            along = max(abs(s.axis[slide] @ axis) for s in self.samples)
-            NotThisKind.refuse_if(max(along, np.abs(off - met).max()) > ROUNDING)
-        foot = foot + met * axis
+            NotThisKind.refuse_if(np.abs(self.axis[:, slide] @ axis).max() > ROUNDING)
+            foot = self.across(self.origins[:, first], first, B)
         offset, outer = self.offset(slide, B - foot), self.in_output(way.other)
         hinge = axis if len(path) == 2 and not self.planar else None
         driven = [x for x in ((0, slide), *enumerate(path[:-1], 1)) if x[1] in mechanism.actuated]
@@ -497,8 +504,7 @@ class _Recognizer:
 
     def beside(self, joint: int, reach: Array) -> bool:
         """Whether a joint's axis has another direction than reach (N, 3)."""
-        along = np.array([s.axis[joint] for s in self.samples])
-        return bool(np.abs(np.cross(reach * self.flat, along)).max() > ROUNDING)
+        return bool(np.abs(np.cross(reach * self.flat, self.axis[:, joint])).max() > ROUNDING)
 
 
 @kept
@@ -787,11 +793,8 @@ def _hinged_poses(
     x = Vt[:3].T @ ((U.T @ np.array(right)) / sigma)
     v = Vt[3]
     # cos^2 + sin^2 = 1 along the line x + t v.
-    a, b, c = v[2:] @ v[2:], 2 * x[2:] @ v[2:], x[2:] @ x[2:] - 1
-    left = b * b - 4 * a * c
-    NotThisKind.refuse_if(a <= ROUNDING or abs(left) <= ROUNDING)
-    for root in () if left < 0 else (np.sqrt(left), -np.sqrt(left)):
-        y = x + (root - b) / (2 * a) * v
+    for t in _two_roots(v[2:] @ v[2:], x[2:] @ v[2:], x[2:] @ x[2:] - 1):
+        y = x + t * v
         at = height.copy()
         at[across] = y[:2]
         yield pin.exp3(np.arctan2(y[3], y[2]) * axis) @ R, at
@@ -842,12 +845,10 @@ def _three_spheres(pairs: Rods, q: Array) -> int:
     normal = np.cross(*rows)
     size = float(np.linalg.norm(normal))
     NotThisKind.refuse_if(size <= ROUNDING)
+    # The first sphere along the line that the two planes have in common.
     x = np.linalg.lstsq(rows, right, rcond=None)[0] - centres[0]
     n = normal / size
-    foot = x - (x @ n) * n
-    left = float(sizes[0] ** 2 - foot @ foot)
-    NotThisKind.refuse_if(abs(left) <= ROUNDING)
-    return 2 * (left > 0)
+    return len(_two_roots(1.0, float(x @ n), float(x @ x - sizes[0] ** 2)))
 
 
 def _one_rod(mechanism: Mechanism) -> tuple[int, int, Centre]:

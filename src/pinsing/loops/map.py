@@ -75,7 +75,8 @@ class PoseWay:
         self.targets_rows = tuple(led)
         self.extent = extent(mechanism, home(mechanism))
         self.place = output_pose(mechanism, start)
-        self.angles = pin.rpy.matrixToRpy(np.array(self.place.rotation))
+        turned = pin.rpy.matrixToRpy(np.array(self.place.rotation))
+        self.pose = np.concatenate([self.place.translation, turned])
         self.free = np.ones(mechanism.n, dtype=bool)
         forms = joint_forms(mechanism)
         slides = {n for n, p in zip(mechanism.joints, mechanism.prismatic, strict=True) if p}
@@ -112,9 +113,8 @@ class PoseWay:
 
     def start(self, k: int) -> float:
         """Value of a coordinate (0 or 1) at the start."""
-        at = np.array([*self.place.translation, *self.angles])[self.rows[k]]
         turned = self.rows[k] > 2 and self.turn["kind"] == "axis"
-        return float(self.turn["at"] if turned else at)
+        return float(self.turn["at"] if turned else self.pose[self.rows[k]])
 
     def side(self, k: int, samples: int, times: float) -> Array:
         """Values of a coordinate: a whole turn, or about as far as the linkage is large."""
@@ -142,20 +142,17 @@ class PoseWay:
 
     def targets(self, first: Array, second: Array) -> tuple[Array, Array]:
         """Rotations (N, 3, 3) and positions (N, 3) where the coordinates have these values."""
-        count = len(first)
-        p = np.repeat(np.array(self.place.translation)[None], count, axis=0)
-        angles = np.repeat(self.angles[None], count, axis=0)
-        R = np.repeat(np.array(self.place.rotation)[None], count, axis=0)
+        pose = np.tile(self.pose, (len(first), 1))
         for row, value in zip(self.rows, (first, second), strict=True):
-            if row < 3:
-                p[:, row] = value
-            elif self.turn["kind"] == "axis":
-                turns = np.multiply.outer(value - self.turn["at"], np.eye(3)[row - 3])
-                R = np.array([pin.exp3(v) for v in turns]) @ np.array(self.turn["zero"])
-            else:
-                angles[:, row - 3] = value
-                R = np.array([pin.rpy.rpyToMatrix(*a) for a in angles])
-        return R, p
+            pose[:, row] = value
+        R = np.tile(np.array(self.place.rotation), (len(first), 1, 1))
+        if max(self.rows) > 2 and self.turn["kind"] == "axis":
+            row = max(self.rows)
+            turns = np.multiply.outer(pose[:, row] - self.turn["at"], np.eye(3)[row - 3])
+            R = np.array([pin.exp3(v) for v in turns]) @ np.array(self.turn["zero"])
+        elif max(self.rows) > 2:
+            R = np.array([pin.rpy.rpyToMatrix(*angles) for angles in pose[:, 3:]])
+        return R, pose[:, :3]
 
     def signs(self, Q: Array) -> Array:
         """Return signs (N, k) that the configurations of one working mode have."""

@@ -222,7 +222,7 @@ class SpecialInputs:
     inputs: Array
     states: tuple[MechanismState, ...]
     why: str
-    word: str = "does not close"
+    word: str
 
 
 def summary(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
@@ -503,28 +503,27 @@ def _special(
     lower, upper = mechanism.lower[actuated], mechanism.upper[actuated]
     ends = np.isfinite(lower) & np.isfinite(upper)
     middle = np.where(ends, (np.where(ends, lower, 0) + np.where(ends, upper, 0)) / 2, 0.0)
-    named = {"home": found.state.inputs, "zero": np.zeros(len(actuated)), "mid-range": middle}
-    if not ends.any():
-        del named["mid-range"]  # without limits there is no middle
-    elif np.array_equal(named["zero"], middle):
-        del named["mid-range"]
-        named = {("zero, which is mid-range" if k == "zero" else k): v for k, v in named.items()}
+    alike = ends.any() and not middle.any()
+    zero = "zero, which is mid-range" if alike else "zero"
+    named = {"home": found.state.inputs, zero: np.zeros(len(actuated))}
+    if ends.any() and not alike:  # without limits there is no middle
+        named["mid-range"] = middle
     for key, inputs in {**named, **poses}.items():
-        if key == "home":
-            yield SpecialInputs(key, inputs, (found.state,), "")
-            continue
+        states: tuple[MechanismState, ...] = ()
+        why, word = "", "does not close"
         beyond = [
             name
             for name, v, low, high in zip(mechanism.inputs, inputs, lower, upper, strict=True)
             if not low - ROUNDING <= v <= high + ROUNDING
         ]
-        if beyond:
-            why = f"{', '.join(beyond)}: beyond the limits"
-            yield SpecialInputs(key, inputs, (), why, "outside the limits")
-            continue
-        try:
-            closed = assemblies(mechanism, inputs)
-        except InfeasibleError as problem:
-            yield SpecialInputs(key, inputs, (), str(problem))
-            continue
-        yield SpecialInputs(key, inputs, tuple(mechanism_at(mechanism, s.q) for s in closed), "")
+        if key == "home":
+            states = (found.state,)
+        elif beyond:
+            why, word = f"{', '.join(beyond)}: beyond the limits", "outside the limits"
+        else:
+            try:
+                closed = assemblies(mechanism, inputs)
+                states = tuple(mechanism_at(mechanism, s.q) for s in closed)
+            except InfeasibleError as problem:
+                why = str(problem)
+        yield SpecialInputs(key, inputs, states, why, word)
