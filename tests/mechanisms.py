@@ -1,14 +1,17 @@
 """Mechanisms that the tests share, and the paper's formulas of its 5R as an independent check."""
 
 import functools
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from node import run
 
-from pinsing.loops import MechanismAnalysis, analyze_mechanism
+from pinsing.loops import MechanismAnalysis, PoseEquation, PoseForms, analyze_mechanism
 from pinsing.loops.closure import at_zero, plane_normal
+from pinsing.loops.pose_loci import variables_at
 from pinsing.robot.mechanism import Loop, Mechanism, load_mechanism
 from pinsing.view.mechanism_viewer import linkage_sizes, mechanism_data
 
@@ -33,6 +36,32 @@ def data_of(mechanism: Mechanism) -> dict[str, Any]:
     return mechanism_data(
         mechanism, linkage_sizes(mechanism), plane_normal(mechanism, at_zero(mechanism).axis)
     )
+
+
+def asked(mechanism: Mechanism, code: str, **more: Any) -> Any:
+    """What an expression is in the page's engine: it sees ``m``, ``data`` and more by name."""
+    return run(f"(m, {{ {', '.join(['data', *more])} }}) => {code}",
+               {"data": data_of(mechanism), **more})  # fmt: skip
+
+
+def placed(mechanism: Mechanism, q: np.ndarray) -> pin.Data:
+    """Where Pinocchio has joints (oMi) and frames (oMf) at q."""
+    data = mechanism.model.createData()
+    pin.framesForwardKinematics(mechanism.model, data, mechanism.model_q(q))
+    return data
+
+
+def value(equation: PoseEquation, at: Mapping[str, float]) -> float:
+    """Its left side where variables have these values."""
+    return float(equation(np.array([at[n] for n in equation.names])))
+
+
+def left_sides(
+    mechanism: Mechanism, forms: PoseForms, q: np.ndarray, kind: str = ""
+) -> list[float]:
+    """Left sides of the loci over the pose of a kind, by default of all, at q."""
+    at = variables_at(mechanism, forms, q)
+    return [value(x.equation, at) for x in forms.loci if x.kind.startswith(kind)]
 
 
 def planar_tree(
@@ -80,27 +109,34 @@ def four_bar(
 
 
 def from_model(
-    model: pin.Model, loops: list[Loop], actuated: list[str], output: str, rows: str
+    model: pin.Model,
+    loops: list[Loop],
+    actuated: list[str],
+    output: str,
+    rows: str,
+    limits: Mapping[str, tuple[float, float]] = {},
+    home: Mapping[str, float] = {},
 ) -> Mechanism:
-    """A mechanism without a side-car file."""
+    """A mechanism without a side-car file; joints with limits here are its slides."""
     from pinsing.robot.arm import Source
     from pinsing.robot.task import parse_task
 
     joints = tuple(model.names)[1:]
     n, kept = len(joints), tuple(range(1, model.njoints))
+    ends = np.array([limits.get(name, (-np.inf, np.inf)) for name in joints])
     return Mechanism(
         name=model.name,
         model=model,
         joints=joints,
-        prismatic=np.zeros(n, dtype=bool),
-        lower=np.full(n, -np.inf),
-        upper=np.full(n, np.inf),
+        prismatic=np.array([name in limits for name in joints]),
+        lower=ends[:, 0],
+        upper=ends[:, 1],
         actuated=tuple(joints.index(name) for name in actuated),
         loops=tuple(loops),
         output=output,
         task=parse_task(rows),
         length_scale=1.0,
-        home=np.linspace(0.4, 1.1, n),
+        home=np.array([home[j] for j in joints]) if home else np.linspace(0.4, 1.1, n),
         notes=(),
         source=Source("test", None, None, model, (), kept, pin.neutral(model), "universe"),
     )

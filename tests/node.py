@@ -6,6 +6,7 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import pinsing
@@ -30,7 +31,7 @@ def run(code: str, data: Any) -> Any:
     """
     done = subprocess.run(
         [NODE, "--input-type=module", "-e", program],
-        input=json.dumps(data),
+        input=json.dumps(data, default=np.ndarray.tolist),
         capture_output=True,
         text=True,
         timeout=240,

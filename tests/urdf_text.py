@@ -92,14 +92,15 @@ def stewart(
     hanging: Sequence[int] = (),
     limits: tuple[float, float] | None = (0.1, 5.0),
     axes: str = "xyz",
+    driven: Sequence[str] = (),
 ) -> tuple[list[J], str]:
     """A platform on six legs: 6-UPS, or 6-SPS with ``spin``; some legs written from the platform.
 
-    The first leg carries the platform, with its frame ``out``.
+    The first leg carries the platform, with its frame ``out``. Its slides are driven by default.
     """
     out: list[J] = []
     loops = []
-    for k in range(6):
+    for k in range(len(base)):
         if k in hanging:
             continue
         if spin:
@@ -120,5 +121,5 @@ def stewart(
         out.append(frame(f"a{k}", "base", base[k]))
         loops.append((f"rod{k}", f"a{k}"))
     out.append(frame("out", "platform", -platform[0]))
-    slides = [f"p{k}" for k in range(6)]
-    return out, loop_text(loops, slides, "out", home=dict.fromkeys(slides, 1.0))
+    slides = [f"p{k}" for k in range(len(base))]
+    return out, loop_text(loops, driven or slides, "out", home=dict.fromkeys(slides, 1.0))

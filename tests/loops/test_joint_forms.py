@@ -3,10 +3,9 @@
 import json
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from command_line import run
-from mechanisms import URDF, shipped
+from mechanisms import URDF, placed, shipped
 from test_parallel_geometry import Way, planar
 from tiers import sampled, tiered
 from urdf_text import J, frame, loop_text, stewart, written
@@ -92,9 +91,7 @@ def test_the_agile_eye_is_of_type_1_where_a_middle_joint_is_at_a_right_angle(rng
     (two,) = [x for x in forms.loci if x.kind == "type 2"]
     found = []
     for q in random_closed(mechanism, 8, rng):
-        data = mechanism.model.createData()
-        pin.forwardKinematics(mechanism.model, data, mechanism.model_q(q))
-        pin.updateFramePlacements(mechanism.model, data)
+        data = placed(mechanism, q)
         at = {f.name: data.oMf[k] for k, f in enumerate(mechanism.model.frames)}
         own = {"v1": [0, 1, 0], "v2": [0, 0, 1], "v3": [1, 0, 0]}
         middle = [at[n].rotation @ np.array(axis, dtype=float) for n, axis in own.items()]

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from mechanisms import shipped
+from mechanisms import placed, shipped
 from test_pose_forms import hinged, rps
 from tiers import tiered
 from urdf_text import J, X, Y, frame, loop_text, written
@@ -103,10 +103,8 @@ def test_elbows_of_cranks_with_rods_that_leave_their_plane():
     mechanism = shipped("rus6").without_limits()
     found = pinsing.loops.working_modes(mechanism, starts=4)
     assert len({m.mode for m in found.modes}) == len(found.modes) == 64
-    data = mechanism.model.createData()
     for mode in found.modes[::9]:
-        pin.framesForwardKinematics(mechanism.model, data, mechanism.model_q(mode.q))
-        signs = ""
+        data, signs = placed(mechanism, mode.q), ""
         for k in range(1, 7):
             foot, C = (data.oMi[mechanism.model.getJointId(n)] for n in (f"a{k}", f"u{k}x"))
             rod = data.oMi[mechanism.model.getJointId(f"u{k}y")].rotation[:, 2]
@@ -118,11 +116,7 @@ def test_elbows_of_cranks_with_rods_that_leave_their_plane():
 
 def axis_of(mechanism, name):
     """Axis of a joint in its own frame, from a small turn."""
-    model, j = mechanism.model, mechanism.model.getJointId(name)
-    data = model.createData()
-    q = np.zeros(mechanism.n)
-    pin.forwardKinematics(model, data, mechanism.model_q(q))
-    before = data.oMi[j].rotation.copy()
-    q[mechanism.joints.index(name)] = 0.1
-    pin.forwardKinematics(model, data, mechanism.model_q(q))
-    return pin.log3(before.T @ data.oMi[j].rotation) / 0.1
+    j = mechanism.joints.index(name)
+    turned = np.eye(mechanism.n)[j]
+    before, after = (placed(mechanism, x * turned).oMi[j + 1] for x in (0.0, 0.1))
+    return pin.log3(before.rotation.T @ after.rotation) / 0.1

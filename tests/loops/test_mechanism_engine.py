@@ -1,14 +1,12 @@
 """The page computes of a mechanism what Python computes: measures, modes, words, ranges, paths."""
 
 import re
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from mechanisms import analyzed, data_of, from_model, planar_tree, shipped
-from node import needs_node, run
+from mechanisms import analyzed, asked, from_model, placed, planar_tree, shipped
+from node import needs_node
 from tiers import tiered
 
 from pinsing.loops import (
@@ -38,13 +36,8 @@ def slider_crank() -> Mechanism:
     model = planar_tree({"one": ((0.0, 0.0), [("crank", 0.3), ("rod", 0.8)])})
     piston = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "piston")
     model.addFrame(pin.Frame("head", piston, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
-    made = from_model(model, [Loop("one_end", "head", "planar")], ["crank"], "head", "vx")
-    names = list(made.joints)
-    slides = np.array([name == "piston" for name in names])
-    lower = np.where(slides, 0.2, made.lower)
-    upper = np.where(slides, 1.2, made.upper)
-    start = np.array([{"crank": 0.7, "rod": -0.9, "piston": 0.9}[name] for name in names])
-    return replace(made, prismatic=slides, lower=lower, upper=upper, home=start)
+    home, loop = {"crank": 0.7, "rod": -0.9, "piston": 0.9}, Loop("one_end", "head", "planar")
+    return from_model(model, [loop], ["crank"], "head", "vx", {"piston": (0.2, 1.2)}, home)
 
 
 def spherical() -> Mechanism:
@@ -65,8 +58,8 @@ def spherical() -> Mechanism:
     model.addFrame(pin.Frame("ground", 0, 0, there, pin.FrameType.OP_FRAME))
     middle = pin.SE3(np.eye(3), np.array([0.0, 0.2, 0.3]))
     model.addFrame(pin.Frame("tool", 2, 0, middle, pin.FrameType.OP_FRAME))
-    made = from_model(model, [Loop("ground", "end", "6d")], ["a"], "tool", "wx,wy,wz")
-    return replace(made, home=start)
+    home = dict(zip("abcd", start, strict=True))
+    return from_model(model, [Loop("ground", "end", "6d")], ["a"], "tool", "wx,wy,wz", home=home)
 
 
 MADE = {"slider_crank": slider_crank, "spherical": spherical}
@@ -94,21 +87,21 @@ def test_frames_measures_and_verdicts_agree(name: str) -> None:
     Q = closed(mechanism, 40)
     if name in SHIPPED:
         Q += [p.q for p in analyzed(name).points]
-    found = run(
-        """(m, {data, Q}) => Q.map((q) => { const s = m.stateAt(data, q), c = m.closure(data, q);
+    found = asked(
+        mechanism,
+        """Q.map((q) => { const s = m.stateAt(data, q), c = m.closure(data, q);
              return { places: c.places.map(({ R, t }) => [...R.flat(), ...t]),
                       tip: [...s.place.R.flat(), ...s.place.t], sigma: m.svd(c.G).sigma,
                       one: s.one, two: s.two, constraint: s.constraint, kind: s.kind,
                       near: s.near, mode: s.mode, velocity: s.velocity }; })""",
-        {"data": data_of(mechanism), "Q": [q.tolist() for q in Q]},
+        Q=Q,
     )
     loops = Loops(mechanism)
-    work = mechanism.model.createData()
     kinds = set()
     for q, here in zip(Q, found, strict=True):
         state = mechanism_at(mechanism, q)
-        pin.forwardKinematics(mechanism.model, work, mechanism.model_q(q))
-        places = [[*place.rotation.ravel(), *place.translation] for place in list(work.oMi)[1:]]
+        joints = list(placed(mechanism, q).oMi)[1:]
+        places = [[*place.rotation.ravel(), *place.translation] for place in joints]
         np.testing.assert_allclose(here["places"], places, atol=1e-12)
         place = loops.output(q)[0]
         np.testing.assert_allclose(
@@ -141,10 +134,7 @@ def test_what_is_shown_is_what_python_says(name: str) -> None:
     points = analyzed(name).points
     Q = [home(mechanism), *(p.q for p in points)]
     sizes = linkage_sizes(mechanism)
-    found = run(
-        "(m, {data, Q}) => Q.map((q) => m.mechanismFrame(data, q))",
-        {"data": data_of(mechanism), "Q": [q.tolist() for q in Q]},
-    )
+    found = asked(mechanism, "Q.map((q) => m.mechanismFrame(data, q))", Q=Q)
     shown = set()
     for q, frame in zip(Q, found, strict=True):
         state = mechanism_at(mechanism, q)
@@ -180,13 +170,11 @@ def test_lost_wrenches_do_no_work_and_free_motions_need_no_motor(name: str) -> N
         next(p.q for p in analyzed(name).points if p.kind == kind) for kind in ("type 1", "type 2")
     ]
     one, two = (mechanism_at(mechanism, x) for x in q)
-    lost, free = run(
-        "(m, {data, one, two}) => [m.lostOf(data, ...one), m.looseOf(data, ...two)]",
-        {
-            "data": data_of(mechanism),
-            "one": [one.position.tolist(), one.lost[:, 0].tolist()],
-            "two": [two.position.tolist(), two.uncontrolled[:, 0].tolist()],
-        },
+    lost, free = asked(
+        mechanism,
+        "[m.lostOf(data, ...one), m.looseOf(data, ...two)]",
+        one=[one.position, one.lost[:, 0]],
+        two=[two.position, two.uncontrolled[:, 0]],
     )
     assert one.velocity is not None
     wrench = np.concatenate([lost["force"], lost["moment"]])[rows]
@@ -213,10 +201,8 @@ def test_driving_follows_the_same_mode_as_far(name: str) -> None:
     rng = np.random.default_rng(4)
     start = home(mechanism)
     wanted = start[list(mechanism.actuated)] + rng.uniform(-2, 2, (24, len(mechanism.inputs)))
-    found = run(
-        """(m, {data, q, wanted}) => wanted.map((inputs) => m.drive(data, inputs, q))""",
-        {"data": data_of(mechanism), "q": start.tolist(), "wanted": wanted.tolist()},
-    )
+    code = "wanted.map((inputs) => m.drive(data, inputs, q))"
+    found = asked(mechanism, code, q=start, wanted=wanted)
     stopped = 0
     for inputs, here in zip(wanted, found, strict=True):
         there = drive(mechanism, inputs, start)
@@ -230,21 +216,14 @@ def test_driving_follows_the_same_mode_as_far(name: str) -> None:
         assert 0 < stopped < 24
 
 
-def ranges(mechanism: Mechanism, q: np.ndarray) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = run(
-        "(m, {data, q}) => data.actuated.map((_, k) => m.stretch(data, q, k))",
-        {"data": data_of(mechanism), "q": q.tolist()},
-    )
-    return found
-
-
 @pytest.mark.slow
 @needs_node
 @pytest.mark.parametrize("name", tiered(EVERY, FEW[:1]))
 def test_a_range_ends_where_driving_does(name: str) -> None:
     mechanism = mechanism_of(name)
     q = home(mechanism)
-    for k, here in enumerate(ranges(mechanism, q)):
+    found = asked(mechanism, "data.actuated.map((_, k) => m.stretch(data, q, k))", q=q)
+    for k, here in enumerate(found):
         joint = mechanism.actuated[k]
         limits = np.array([mechanism.lower[joint], mechanism.upper[joint]])
         for p in here["points"]:
@@ -269,9 +248,7 @@ def test_a_range_ends_where_driving_does(name: str) -> None:
 def test_modes_agree(name: str) -> None:
     mechanism = mechanism_of(name)
     q = home(mechanism)
-    found = run(
-        "(m, {data, q}) => m.modesAt(data, q)", {"data": data_of(mechanism), "q": q.tolist()}
-    )
+    found = asked(mechanism, "m.modesAt(data, q)", q=q)
     inputs = q[list(mechanism.actuated)]
     expected = [s.q for s in assemblies(mechanism, inputs)]
     listed = [np.array(mode["q"]) for mode in found["assemblies"]]
@@ -306,17 +283,15 @@ def test_singular_points_are_refined_to_the_same_place(name: str) -> None:
     rng = np.random.default_rng(2)
     held = list(mechanism.actuated)[1:]
     cases = [
-        {"q": (p.q + rng.normal(0, 0.02, mechanism.n)).tolist(), "kind": p.kind}
+        {"q": p.q + rng.normal(0, 0.02, mechanism.n), "kind": p.kind}
         for p in analyzed(name).points
         if p.kind in ("type 1", "type 2")
     ][:12]
     for case, p in zip(cases, analyzed(name).points, strict=False):
         for j in held:
-            case["q"][j] = float(p.q[j])
-    found = run(
-        "(m, {data, cases, held}) => cases.map(({q, kind}) => m.refinePoint(data, q, kind, held))",
-        {"data": data_of(mechanism), "cases": cases, "held": held},
-    )
+            case["q"][j] = p.q[j]
+    code = "cases.map(({q, kind}) => m.refinePoint(data, q, kind, held))"
+    found = asked(mechanism, code, cases=cases, held=held)
     converged = 0
     for case, here in zip(cases, found, strict=True):
         there = refine(mechanism, case["q"], case["kind"], held)
@@ -335,15 +310,12 @@ def test_paths_lead_into_singularities_and_along_them(name: str) -> None:
     mechanism = shipped(name)
     listed = groups(mechanism, analyzed(name))
     cases = [
-        {"q": p.q.tolist(), "kind": p.kind, "converged": p.converged,
+        {"q": p.q, "kind": p.kind, "converged": p.converged,
          "moving": mechanism.inputs.index(p.moving) if p.moving else -1}
         for p in (group.points[0] for group in listed if group.points)
     ]  # fmt: skip
-    found = run(
-        """(m, {data, cases}) => cases.map((p) => [m.mechanismInto(data, p),
-             m.mechanismAlong(data, p)])""",
-        {"data": data_of(mechanism), "cases": cases},
-    )
+    code = "cases.map((p) => [m.mechanismInto(data, p), m.mechanismAlong(data, p)])"
+    found = asked(mechanism, code, cases=cases)
     played = 0
     for group, (into, along) in zip([g for g in listed if g.points], found, strict=True):
         point = group.points[0]
@@ -367,9 +339,8 @@ def test_paths_lead_into_singularities_and_along_them(name: str) -> None:
 @needs_node
 def test_of_type_3_there_is_no_way_along():
     mechanism = shipped("five_bar")
-    point = {"q": home(mechanism).tolist(), "kind": "type 3", "moving": 0}
-    given = {"data": data_of(mechanism), "point": point}
-    assert run("(m, {data, point}) => m.mechanismAlong(data, point)", given) == []
+    point = {"q": home(mechanism), "kind": "type 3", "moving": 0}
+    assert asked(mechanism, "m.mechanismAlong(data, point)", point=point) == []
 
 
 @pytest.mark.slow
@@ -377,7 +348,7 @@ def test_of_type_3_there_is_no_way_along():
 @pytest.mark.parametrize("name", tiered(EVERY, FEW[1:]))
 def test_the_healthiest_pose_is_within_limits_and_regular(name: str) -> None:
     mechanism = mechanism_of(name)
-    found = run("(m, data) => m.healthiestPose(data, [], 60, 30)", data_of(mechanism))
+    found = asked(mechanism, "m.healthiestPose(data, [], 60, 30)")
     state = mechanism_at(mechanism, found["q"])
     assert state.kind == "regular"
     measures = (state.output_ratio, state.input_ratio, state.constraint_ratio)
@@ -395,10 +366,11 @@ def test_whole_turns_are_left_out_and_what_is_too_far_is_refused() -> None:
     mechanism = slider_crank()
     assert not np.isfinite(mechanism.lower[list(mechanism.actuated)]).any()
     values = [100.0, 1e6, -1e6, 1e9, 1e308]
-    found = run(
-        """(m, {data, values}) => values.map((v) => { const f = m.driven(data, [v], data.home);
+    found = asked(
+        mechanism,
+        """values.map((v) => { const f = m.driven(data, [v], data.home);
              return { ...f, words: f.stop ? m.stopWords(data, f.stop) : null }; })""",
-        {"data": data_of(mechanism), "values": values},
+        values=values,
     )
     joint = mechanism.actuated[0]
     for value, one in zip(values, found, strict=True):
@@ -428,11 +400,12 @@ def test_a_gimbal_lock_of_a_file_s_ball_is_judged_as_in_python(name: str) -> Non
     Q, error = newton(loops, Q, np.arange(mechanism.n) != k)
     Q = Q[error <= 1e-12]
     assert len(Q) > 8
-    found = run(
-        """(m, {data, Q}) => Q.map((q) => { const s = m.stateAt(data, q), f = m.motions(data, q);
+    found = asked(
+        mechanism,
+        """Q.map((q) => { const s = m.stateAt(data, q), f = m.motions(data, q);
              return { one: s.one, two: s.two, constraint: s.constraint, kind: s.kind,
                       near: s.near, basis: f.basis }; })""",
-        {"data": data_of(mechanism), "Q": [q.tolist() for q in Q]},
+        Q=Q,
     )
     for q, here in zip(Q, found, strict=True):
         state, moved = mechanism_at(mechanism, q), motions(mechanism, q)

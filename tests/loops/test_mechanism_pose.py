@@ -1,12 +1,10 @@
 """The page leads the output of a mechanism: poses, closure, types and ends as Python has them."""
 
-from dataclasses import replace
-
 import numpy as np
 import pinocchio as pin
 import pytest
-from mechanisms import data_of, from_model, planar_tree, shipped
-from node import needs_node, run
+from mechanisms import asked, data_of, from_model, planar_tree, shipped
+from node import needs_node
 from tiers import tiered
 
 from pinsing.loops import home, mechanism_at, working_modes
@@ -43,12 +41,13 @@ def test_an_output_is_led_to_a_pose_and_the_loops_stay_closed(name: str) -> None
     rng = np.random.default_rng(5)
     size = 0.05
     goals = [start + size * rng.uniform(-1, 1, len(rows)) for _ in range(6)]
-    found = run(
-        """(m, {data, goals}) => ({ names: data.pose.rows.map((_, k) => m.poseName(data, k)),
+    found = asked(
+        mechanism,
+        """({ names: data.pose.rows.map((_, k) => m.poseName(data, k)),
              led: goals.map((g) => { const f = m.posed(data, g, data.home);
                return { ...f, frame: m.mechanismFrame(data, f.q),
                         worst: m.worst(m.closure(data, f.q).residual) }; }) })""",
-        {"data": data, "goals": [g.tolist() for g in goals]},
+        goals=goals,
     )
     assert found["names"] == LED[name].split()
     loops = Loops(mechanism)
@@ -96,10 +95,8 @@ def slides_in_the_plane() -> Mechanism:
     for k, (x, y) in enumerate(ends):
         place = pin.SE3(np.eye(3), np.array([x, y, 0.0]))
         model.addFrame(pin.Frame(f"b{k}", top, 0, place, pin.FrameType.OP_FRAME))
-    made = from_model(model, loops, list(SLIDES), "b0", "vx,vy,wz")
-    slides = np.array([n in SLIDES for n in made.joints])
-    wide = np.where(slides, 3.0, made.upper)
-    return replace(made, prismatic=slides, lower=np.where(slides, -3.0, made.lower), upper=wide)
+    limits = dict.fromkeys(SLIDES, (-3.0, 3.0))
+    return from_model(model, loops, list(SLIDES), "b0", "vx,vy,wz", limits)
 
 
 @pytest.mark.slow
@@ -110,14 +107,10 @@ def test_ways_of_driven_slides_have_names_of_their_own_alike_on_the_page() -> No
     found = working_modes(mechanism, output_pose(mechanism, q).homogeneous).modes
     assert len(found) == 8
     assert len({s.mode.split("elbows ")[1] for s in found}) == 8
-    said = run(
-        "(m, {data, ways}) => ways.map((q) => m.modeOf(data, q))",
-        {"data": data_of(mechanism), "ways": [s.q.tolist() for s in found]},
-    )
+    said = asked(mechanism, "ways.map((q) => m.modeOf(data, q))", ways=[s.q for s in found])
     assert said == [s.mode for s in found]
-    stop = {"why": "type 1", "joint": mechanism.joints.index("d0"), "q": q.tolist()}
-    asked = {"data": data_of(mechanism), "stop": stop}
-    words = run("(m, {data, stop}) => m.stopWords(data, stop)", asked)
+    stop = {"why": "type 1", "joint": mechanism.joints.index("d0"), "q": q}
+    words = asked(mechanism, "m.stopWords(data, stop)", stop=stop)
     assert words == "type 1 singularity: the rod of d0 square to its slide"
     # Geometry: the rod of slide d0 leans ahead where it points along the slide.
     for s in found:
@@ -145,8 +138,9 @@ def test_a_driven_elbow_is_told_like_another() -> None:
 def test_where_a_pose_ends_a_limit_or_a_singularity_is_met(name: str) -> None:
     mechanism = shipped(name)
     data = data_of(mechanism)
-    found = run(
-        """(m, {data}) => data.pose.rows.map((_, k) => {
+    found = asked(
+        mechanism,
+        """data.pose.rows.map((_, k) => {
              const s = m.poseStretch(data, data.home, k, data.sizes.reach);
              const start = m.poseOf(data, m.placeOf(data, data.home));
              const beyond = (v) => start.map((x, i) => (i === k ? v : x));
@@ -155,7 +149,6 @@ def test_where_a_pose_ends_a_limit_or_a_singularity_is_met(name: str) -> None:
                { stop, words: m.stopWords(data, stop),
                  again: m.posed(data, beyond(v), stop.q) })) };
            })""",
-        {"data": data},
     )
     kinds = set()
     for k, reach in enumerate(found):
@@ -210,10 +203,7 @@ def test_all_working_modes_of_the_pose_are_listed_by_name(name: str) -> None:
     """Those that Python finds, each with the pose kept, the loops closed and a name of its own."""
     mechanism = shipped(name)
     q = home(mechanism)
-    found = run(
-        "(m, {data, q}) => m.modesAt(data, q).working",
-        {"data": data_of(mechanism), "q": q.tolist()},
-    )
+    found = asked(mechanism, "m.modesAt(data, q).working", q=q)
     pose = output_pose(mechanism, q)
     expected = np.array([s.inputs for s in working_modes(mechanism, pose).modes])
     # A Delta's platform can be twisted at the same place: the page seeks from fewer starts.

@@ -305,9 +305,8 @@ def test_points_of_a_curve_on_which_a_leg_moves_by_itself_are_one_mode():
         back = pin.SE3(pin.rpy.rpyToMatrix(0, 0, -turn), np.zeros(3))
         model.addFrame(pin.Frame(f"{name}_end", parent, 0, back, pin.FrameType.OP_FRAME))
         ends.append(f"{name}_end")
-    made = from_model(model, [Loop(*ends, "6d")], ["x1"], "x_end", "vz")
     start = {"x1": -0.6, "x2": 1.2, "x3": -0.6, "y1": 0.6, "y2": -1.2, "y3": 0.6}
-    made = replace(made, home=np.array([start[n] for n in made.joints]))
+    made = from_model(model, [Loop(*ends, "6d")], ["x1"], "x_end", "vz", home=start)
     found = assembly_modes(made)
     folded = [s for s in found.modes if abs(s.pose.position[2]) < 1e-6]
     assert len(found.modes) == 3

@@ -1,9 +1,11 @@
 """Platforms written in many ways, against lines and planes computed here without pinsing."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from mechanisms import left_sides, placed
 from test_pose_forms import equation_values, named, pluecker, poses, rotation
 from tiers import tiered
 from urdf_text import J, X, Z, frame, loop_text, stewart, written
@@ -11,20 +13,15 @@ from urdf_text import J, X, Z, frame, loop_text, stewart, written
 import pinsing
 from pinsing.loops import joint_forms, mechanism_at, pose_forms, ranks, refine
 from pinsing.loops.closure import random_closed, residual, without_length
-from pinsing.loops.pose_loci import locus_distance, variables_at
+from pinsing.loops.pose_loci import locus_distance
 
 BASE = np.array([[0, 0], [1, 0.1], [0.4, 0.9]])
 PLATFORM = np.array([[-0.2, -0.1], [0.25, -0.1], [0, 0.3]])
-CRANK, ROD = 0.5, 0.45
 
 
-def turned(angle):
-    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Way:
-    """How a planar platform is written."""
+    """How a planar platform is written, and its lengths."""
 
     legs: str  # rpr or rrr
     rpy: tuple[float, float, float] = (0, 0, 0)
@@ -34,13 +31,17 @@ class Way:
     driven: str = ""
     kind: str = ""
     output_rpy: tuple[float, float, float] = (0, 0, 0)
+    base: np.ndarray = field(default_factory=lambda: BASE, repr=False)
+    platform: np.ndarray = field(default_factory=lambda: PLATFORM, repr=False)
+    crank: float = 0.5
+    rod: float = 0.45
 
 
 def planar(folder, way: Way):
     joints = [J("mount", "world", "base", kind="fixed", rpy=way.rpy)]
     loops = []
-    at = [(*p, way.layers * k) for k, p in enumerate(BASE)]
-    on = [(*(p - PLATFORM[0]), 0.0) for p in PLATFORM]
+    at = [(*p, way.layers * k) for k, p in enumerate(way.base)]
+    on = [(*(p - way.platform[0]), 0.0) for p in way.platform]
     for k in range(3):
         tip, foot = f"e{k}", f"v{k}"
         if k in way.from_platform:
@@ -53,48 +54,38 @@ def planar(folder, way: Way):
         else:
             joints.append(J(f"a{k}", "base", f"c{k}", at[k]))
             if k in way.cut_at_elbow:
-                joints.append(frame(foot, f"c{k}", (CRANK, 0, 0)))
+                joints.append(frame(foot, f"c{k}", (way.crank, 0, 0)))
                 joints.append(J(f"b{k}", "platform", f"rod{k}", on[k]))
             else:
-                joints.append(J(f"b{k}", f"c{k}", f"rod{k}", (CRANK, 0, 0)))
-            joints.append(frame(tip, f"rod{k}", (ROD, 0, 0)))
+                joints.append(J(f"b{k}", f"c{k}", f"rod{k}", (way.crank, 0, 0)))
+            joints.append(frame(tip, f"rod{k}", (way.rod, 0, 0)))
         if k == 0:
             joints.append(J("turn", tip, "platform", axis=Z))
             continue
         if k not in way.from_platform and k not in way.cut_at_elbow:
             joints.append(frame(foot, "platform", on[k]))
         loops.append((tip, foot))
-    centre = (*-PLATFORM[0], 0)
+    centre = (*-way.platform[0], 0)
     joints.append(J("at_out", "platform", "out", centre, kind="fixed", rpy=way.output_rpy))
     driven = way.driven or ("p" if way.legs == "rpr" else "a")
     rows = "vx, vz, wy" if way.rpy == (np.pi / 2, 0, 0) else "vx, vy, wz"
     start = {"p0": 0.6} if way.legs == "rpr" else {"a0": 1, "a1": 2, "a2": -1}
-    text = loop_text(
-        loops,
-        [f"{driven}{k}" for k in range(3)],
-        "out",
-        rows,
-        way.kind or ("planar" if way.layers else "3d"),
-        start,
-    )
+    kind = way.kind or ("planar" if way.layers else "3d")
+    text = loop_text(loops, [f"{driven}{k}" for k in range(3)], "out", rows, kind, start)
     return pinsing.load_mechanism(written(folder, joints, text))
 
 
 def in_plane(mechanism, q, way):
     """Position and angle of ``out`` in the plane of the table, and the legs' force lines."""
-    import pinocchio as pin
-
-    model, data = mechanism.model, mechanism.model.createData()
-    pin.framesForwardKinematics(model, data, mechanism.model_q(q))
     mount = pin.rpy.rpyToMatrix(*way.rpy)
-    place = data.oMf[mechanism.output_id]
+    place = placed(mechanism, q).oMf[mechanism.output_id]
     own = pin.rpy.rpyToMatrix(*way.output_rpy)
     R, p = mount.T @ place.rotation @ own.T, mount.T @ place.translation
-    ends = p[:2] + PLATFORM @ R[:2, :2].T
-    inner = BASE
+    ends = p[:2] + way.platform @ R[:2, :2].T
+    inner = way.base
     if way.legs == "rrr" and way.driven != "b":
         cranks = [q[mechanism.joints.index(f"a{k}")] for k in range(3)]
-        inner = BASE + CRANK * np.stack([np.cos(cranks), np.sin(cranks)], axis=1)
+        inner = inner + way.crank * np.stack([np.cos(cranks), np.sin(cranks)], axis=1)
     lines = [
         [*(e - a), a[0] * e[1] - a[1] * e[0]] / np.linalg.norm(e - a)
         for a, e in zip(inner, ends, strict=True)
@@ -119,13 +110,9 @@ def test_a_planar_platform_is_the_same_however_it_is_written(way, tmp_path, rng)
     assert forms.complete
     ratios = []
     for q in random_closed(mechanism, 12, rng):
-        at = variables_at(mechanism, forms, q)
-        value = np.prod([
-            x.equation([at[n] for n in x.equation.names]) for x in forms.loci if x.kind == "type 2"
-        ])  # fmt: skip
-        own = in_plane(mechanism, q, way)
         # The lines' lengths are no matter: the equation has those of the file.
-        ratios.append(np.sign(value) * np.sign(own))
+        two = np.prod(left_sides(mechanism, forms, q, "type 2"))
+        ratios.append(np.sign(two) * np.sign(in_plane(mechanism, q, way)))
     assert len(ratios) > 4
     assert len(set(ratios)) == 1
     found = 0
@@ -139,9 +126,7 @@ def test_a_planar_platform_is_the_same_however_it_is_written(way, tmp_path, rng)
             continue
         found += 1
         assert abs(in_plane(mechanism, point.q, way)) < 1e-6
-        at = variables_at(mechanism, forms, point.q)
-        assert min(abs(float(x.equation([at[n] for n in x.equation.names])))
-                   for x in forms.loci) < 1e-6  # fmt: skip
+        assert np.abs(left_sides(mechanism, forms, point.q)).min() < 1e-6
     assert found
 
 
@@ -195,12 +180,9 @@ def test_similar_hexagons_are_singular_everywhere_on_a_conic_only(tmp_path):
 
 
 @pytest.mark.slow
-def test_an_equation_of_one_term_says_how_near_it_is(tmp_path, monkeypatch):
+def test_an_equation_of_one_term_says_how_near_it_is(tmp_path):
     """A platform like its base: not turned at all it is singular at every position."""
-    import test_parallel_geometry as here
-
-    monkeypatch.setattr(here, "PLATFORM", 0.5 * (BASE - BASE.mean(axis=0)))
-    mechanism = planar(tmp_path, Way("rpr"))
+    mechanism = planar(tmp_path, Way("rpr", platform=0.5 * (BASE - BASE.mean(axis=0))))
     forms = pose_forms(mechanism)
     assert any(len(x.equation.values) == 1 for x in forms.loci)
     found = pinsing.loops.analyze_mechanism(mechanism)
@@ -241,32 +223,20 @@ def test_a_loop_that_moves_only_on_the_branch_of_home_moves(crank, tmp_path):
         ranks(rod_on_three_cranks(tmp_path, third=0.41))
 
 
-def test_a_crank_without_length_is_named(tmp_path, monkeypatch):
-    import test_parallel_geometry as here
-
-    monkeypatch.setattr(here, "CRANK", 0.0)
-    mechanism = planar(tmp_path, Way("rrr"))
+def test_a_crank_without_length_is_named(tmp_path):
+    mechanism = planar(tmp_path, Way("rrr", crank=0.0))
     words = (
         "a0 and b0, a1 and b1, a2 and b2 turn about one axis: the link between them has no length"
     )
     (note,) = joint_forms(mechanism).notes
     assert words in note
     assert without_length(mechanism).startswith(words)
-    monkeypatch.setattr(here, "CRANK", 0.5)
-    (tmp_path / "b").mkdir()
-    assert without_length(planar(tmp_path / "b", Way("rrr"))) == ""
+    assert without_length(planar(tmp_path, Way("rrr"))) == ""
 
 
-def test_a_rod_without_length_is_an_error(tmp_path, monkeypatch):
-    import test_parallel_geometry as here
-
-    monkeypatch.setattr(here, "ROD", 0.0)
-    mechanism = planar(tmp_path, Way("rrr"))
-    for run in (
-        pose_forms,
-        joint_forms,
-        pinsing.loops.assembly_modes,
-        pinsing.loops.analyze_mechanism,
-    ):
+def test_a_rod_without_length_is_an_error(tmp_path):
+    mechanism = planar(tmp_path, Way("rrr", rod=0.0))
+    loops = pinsing.loops
+    for run in (pose_forms, joint_forms, loops.assembly_modes, loops.analyze_mechanism):
         with pytest.raises(pinsing.PinsingError, match="b0 and turn turn about one axis"):
             run(mechanism)

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from command_line import run
-from mechanisms import URDF, from_model, planar_tree, shipped
+from mechanisms import URDF, from_model, planar_tree, shipped, value
 from urdf_text import J, frame, loop_text, written
 
 import pinsing
@@ -39,7 +39,7 @@ def equation_values(forms, rows):
     out = np.ones(len(rows))
     for locus in forms.loci:
         if locus.kind != "type 1":
-            out *= [locus.equation([row[n] for n in locus.equation.names]) for row in rows]
+            out *= [value(locus.equation, row) for row in rows]
     return out
 
 
@@ -140,9 +140,8 @@ def test_random_3rrr_are_singular_where_rods_meet_or_cranks_are_stretched(seed):
     stretched = [x for x in forms.loci if x.kind == "type 1"]
     for k, row in enumerate(rows):
         for i, locus in enumerate(stretched):
-            value = float(locus.equation([row[n] for n in locus.equation.names]))
-            first = float(stretched[i].equation([rows[0][n] for n in locus.equation.names]))
-            assert value * arms[i] == pytest.approx(first * arms[3 * k + i], abs=1e-9)
+            here, first = (value(locus.equation, x) for x in (row, rows[0]))
+            assert here * arms[i] == pytest.approx(first * arms[3 * k + i], abs=1e-9)
 
 
 def test_3rpr_is_singular_where_its_lines_meet(rng):
@@ -196,18 +195,14 @@ def test_rods_of_a_crank_that_rounding_tells_apart_are_parallel(rng):
     ratio = []
     for _ in range(8):
         at, angles = rng.uniform(-0.5, 0.5, 3), rng.uniform(-2, 2, 3)
-        row, lines = dict(zip("xyz", at, strict=True)), []
+        row, lines = named(at, (1, 0, 0, 0)), []
         for k, rod in enumerate(ring.rods.rods):
             a = angles[k // 2]
             name = ring.rods.mechanism.joints[rod.joint]
             row |= {f"cos {name}": np.cos(a), f"sin {name}": np.sin(a)}
             elbow = rod.inner + np.cos(a) * rod.first + np.sin(a) * rod.second
             lines.append(pluecker(elbow, at + rod.outer))
-        values = [
-            float(x.equation([row.get(n, 0.0) for n in x.equation.names]))
-            for x in loci
-            if x.kind != "type 1"
-        ]
+        values = [value(x.equation, row) for x in loci if x.kind != "type 1"]
         ratio.append(np.prod(values) / np.linalg.det(lines))
     np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
 
@@ -235,7 +230,9 @@ def test_loci_of_the_delta(rng):
     values = []
     for _ in range(6):
         at, angles = rng.uniform(-0.5, 0.5, 3), rng.uniform(-2, 2, 3)
-        row = dict(zip("xyz", at, strict=True))
+        row = named(at, (1, 0, 0, 0))
+        for k, a in enumerate(angles, 1):
+            row |= {f"cos a{k}": np.cos(a), f"sin a{k}": np.sin(a)}
         directions, normals = [], []
         for k, (turn, a) in enumerate(zip(np.radians([0, 120, 240]), angles, strict=True), 1):
             out = np.array([np.cos(turn), np.sin(turn), 0])
@@ -244,17 +241,13 @@ def test_loci_of_the_delta(rng):
             d = at + top * out - elbow
             directions.append(d)
             normals.append(np.cross(apart * across, d))
-            row |= {f"cos a{k}": np.cos(a), f"sin a{k}": np.sin(a)}
             tangent = -np.sin(a) * out + np.cos(a) * np.array([0, 0, 1])
             locus = next(x for x in forms.loci if x.kind == "type 1" and f" a{k} " in x.words)
-            value = float(locus.equation([row.get(n, 0.0) for n in locus.equation.names]))
-            values.append((k, value / (d @ tangent)))
+            values.append((k, value(locus.equation, row) / (d @ tangent)))
         for locus, expected in ((two, directions), (turning, normals)):
-            value = float(locus.equation([row[n] for n in locus.equation.names]))
-            values.append((locus.kind, value / np.linalg.det(expected)))
+            values.append((locus.kind, value(locus.equation, row) / np.linalg.det(expected)))
         # Where the output is not turned the determinant of all lines is the product of both.
-        row |= {"e0": 1.0, "e1": 0.0, "e2": 0.0, "e3": 0.0}
-        whole = float(turned[0].equation([row[n] for n in turned[0].equation.names]))
+        whole = value(turned[0].equation, row)
         values.append(("both", whole / np.linalg.det(directions) / np.linalg.det(normals)))
     for key in (1, 2, 3, "type 2", "constraint", "both"):
         ratio = np.array([v for k, v in values if k == key])
@@ -315,7 +308,7 @@ def test_type_1_of_random_3rps_is_in_the_motions_that_the_hinges_allow(seed, tmp
     for q in random_closed(mechanism, 8, rng):
         for start in (q, refine(mechanism, q, "type 1").q):
             at = variables_at(mechanism, forms, start)
-            value = np.prod([x.equation([at[n] for n in x.equation.names]) for x in ones])
+            one = np.prod([value(x.equation, at) for x in ones])
             place = np.array([at[n] for n in "xyz"])
             ends = platform @ rotation([at[f"e{k}"] for k in range(4)]).T
             # What the hinges leave of the motions about the output's origin, on vz, wx, wy.
@@ -324,13 +317,13 @@ def test_type_1_of_random_3rps_is_in_the_motions_that_the_hinges_allow(seed, tmp
             own = np.linalg.det(np.vstack([ties, rest]))
             assert np.isfinite(place).all()
             if start is q:
-                ratios.append(value / own)
+                ratios.append(one / own)
                 continue
             point = mechanism_at(mechanism, start) if closed(mechanism, start) else None
             if point is not None and point.kind == "type 1" and legs(mechanism, start) > 1e-3:
                 met += 1
                 assert abs(own) < 1e-7
-                assert abs(value) < 1e-7
+                assert abs(one) < 1e-7
     assert met
     np.testing.assert_allclose(ratios, ratios[0], rtol=1e-6)
 

@@ -1,13 +1,12 @@
 """Slides that are counted from elsewhere than no length, and joints that the pose does not tell."""
 
 import re
-from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from command_line import run
-from mechanisms import shipped
+from mechanisms import URDF, shipped, value
 from tiers import tiered, tiered_rows
 from urdf_text import J, X, frame, loop_text, written
 
@@ -17,7 +16,6 @@ from pinsing.loops.closure import random_closed
 from pinsing.loops.legs import most_assemblies, why_no_rods
 from pinsing.loops.pose_loci import variables_at
 
-URDF = Path(__file__).parents[2] / "urdf"
 OFF = 0.5
 STROKES = [("gough_stewart", 40), ("rps3", 16), ("planar_3rpr", 6)]
 
@@ -114,15 +112,14 @@ def test_a_leg_driven_at_its_elbow_has_its_condition_as_equations(driven, tmp_pa
     ratios: dict[str, list[float]] = {}
     for q in random_closed(mechanism, 4, np.random.default_rng(5)):
         at = dict(zip(mechanism.joints, q.tolist(), strict=True))
-        values = variables_at(mechanism, forms, q)
+        known = variables_at(mechanism, forms, q)
         for x in shapes:
             k = int(re.search(r"leg (\d)", x.words)[1]) - 1
             l1, l2 = links[:, k]
             bend = np.arctan2(*second[k][::-1]) - np.arctan2(*first[k][::-1]) + at[f"r{k}2"]
             reach = l1**2 + l2**2 + 2 * l1 * l2 * np.cos(bend)
             edge = (l1 + l2 if "stretched" in x.words else l1 - l2) ** 2
-            value = float(x.equation([values[n] for n in x.equation.names]))
-            ratios.setdefault(x.words, []).append(value / (reach - edge))
+            ratios.setdefault(x.words, []).append(value(x.equation, known) / (reach - edge))
     assert len(ratios) == len(shapes)
     for found in ratios.values():
         np.testing.assert_allclose(found, found[0], rtol=1e-6)

@@ -6,10 +6,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from command_line import run
-from mechanisms import URDF, shipped
-from test_three_distances import three_rpr
+from mechanisms import URDF, left_sides, placed, shipped, value
+from test_parallel_geometry import BASE, PLATFORM, Way, planar
 from tiers import tiered, tiered_rows
-from urdf_text import J, X, Y, Z, ball, frame, loop_text, written
+from urdf_text import J, X, Y, Z, ball, frame, loop_text, stewart, written
 
 import pinsing
 from pinsing.loops import PoseForms, mechanism_at, pose_forms, ranks, refine
@@ -98,11 +98,9 @@ def made(folder, t: Table):
     return pinsing.load_mechanism(written(folder, joints, loop_text(loops, inputs, "out", t.rows)))
 
 
-def placed(mechanism, q):
+def output(mechanism, q):
     """Position and rotation of ``out`` by Pinocchio."""
-    data = mechanism.model.createData()
-    pin.framesForwardKinematics(mechanism.model, data, mechanism.model_q(q))
-    place = data.oMf[mechanism.output_id]
+    place = placed(mechanism, q).oMf[mechanism.output_id]
     return place.translation, place.rotation
 
 
@@ -143,14 +141,6 @@ def at_rest(t: Table, p, lines, felt):
     return np.linalg.det(rows)
 
 
-def values(mechanism, forms, kind, q):
-    at = variables_at(mechanism, forms, q)
-    return [
-        float(x.equation([at[n] for n in x.equation.names]))
-        for x in forms.loci if x.kind.startswith(kind)
-    ]  # fmt: skip
-
-
 CASES = [("pus", 0), ("pus", 1), ("rus", 0), ("rus", 1), ("prs", 0), ("rrs", 0), ("rps", 0),
          ("prs", 1), ("rrs", 1), ("rps", 1)]  # fmt: skip
 
@@ -167,14 +157,14 @@ def test_random_platforms_are_singular_where_their_lines_are_dependent(legs, see
     ratios, arms, met = [], [], {"type 1": 0, "type 2": 0}
     inputs = list(mechanism.actuated)
     for q in random_closed(mechanism, 9, rng)[:6]:
-        p, R = placed(mechanism, q)
+        p, R = output(mechanism, q)
         lines, felt, errors = geometry(t, p, R, q[inputs])
         assert np.abs(errors).max(initial=0) < 1e-8
         at = variables_at(mechanism, forms, q)
-        closing = [float(x([at[n] for n in x.names])) for x in forms.closing]
+        closing = [value(x, at) for x in forms.closing]
         assert np.abs(closing).max(initial=0) < 1e-8
-        ratios.append(np.linalg.det(lines) / values(mechanism, forms, "type 2", q)[0])
-        ones = values(mechanism, forms, "type 1", q)
+        ratios.append(np.linalg.det(lines) / left_sides(mechanism, forms, q, "type 2")[0])
+        ones = left_sides(mechanism, forms, q, "type 1")
         arms.append(felt / ones if len(felt) == 6 else at_rest(t, p, lines, felt) / ones)
         assert mechanism_at(mechanism, q).kind == "regular"
         for kind in met:
@@ -187,7 +177,7 @@ def test_random_platforms_are_singular_where_their_lines_are_dependent(legs, see
                 continue
             met[kind] += 1
             assert locus_distance(mechanism, forms, point.q) < 1e-7
-            p, R = placed(mechanism, point.q)
+            p, R = output(mechanism, point.q)
             lines, felt, _ = geometry(t, p, R, point.q[inputs])
             if kind == "type 2":
                 assert abs(np.linalg.det(unit(lines))) < 1e-7
@@ -210,11 +200,9 @@ def test_the_shelfs_platforms_on_rods(name):
     assert forms.complete
     assert [x.kind for x in forms.loci] == ["type 2", *["type 1"] * 6]
     frames = {f.name: k for k, f in enumerate(mechanism.model.frames)}
-    data = mechanism.model.createData()
     ratios = []
     for q in random_closed(mechanism, 6, np.random.default_rng(3)):
-        pin.framesForwardKinematics(mechanism.model, data, mechanism.model_q(q))
-        lines = []
+        data, lines = placed(mechanism, q), []
         for k in range(1, 7):
             C = data.oMi[mechanism.model.getJointId(f"u{k}x")].translation
             B = data.oMf[frames["ball_a" if k == 1 else f"b{k}"]].translation
@@ -222,26 +210,8 @@ def test_the_shelfs_platforms_on_rods(name):
         matrix = forms.loci[0].equation
         at = variables_at(mechanism, forms, q)
         np.testing.assert_allclose(matrix.entries([at[n] for n in matrix.names]), lines, atol=1e-9)
-        ratios.append(np.linalg.det(lines) / values(mechanism, forms, "type 2", q)[0])
+        ratios.append(np.linalg.det(lines) / left_sides(mechanism, forms, q, "type 2")[0])
     np.testing.assert_allclose(ratios, 1, rtol=1e-5)
-
-
-def driven_feet(folder, base, platform, driven):
-    """A 6-UPS (fewer legs with more actuators each) driven in the named joints of each leg."""
-    joints, loops = [], []
-    for k, (a, b) in enumerate(zip(base, platform, strict=True)):
-        joints.append(J(f"ux{k}", "base", f"cross{k}", a, X))
-        joints.append(J(f"uy{k}", f"cross{k}", f"top{k}", axis=Y))
-        joints.append(J(f"p{k}", f"top{k}", f"rod{k}", axis=Z, kind="prismatic"))
-        if k == 0:
-            joints += ball("w", "rod0", "platform")
-        else:
-            joints.append(frame(f"b{k}", "platform", b - platform[0]))
-            loops.append((f"rod{k}", f"b{k}"))
-    joints.append(frame("out", "platform", -platform[0]))
-    inputs = [f"{name}{k}" for k, names in enumerate(driven) for name in names]
-    limited = [j if j.kind != "prismatic" else J(**{**vars(j), "limits": (-5, 5)}) for j in joints]
-    return pinsing.load_mechanism(written(folder, limited, loop_text(loops, inputs, "out")))
 
 
 FEET = [
@@ -257,7 +227,9 @@ def test_legs_that_are_driven_at_the_foot(driven, tmp_path):
     rng = np.random.default_rng(7)
     base = rng.uniform(-1, 1, (len(driven), 3)).round(2)
     platform = rng.uniform(-0.4, 0.4, (len(driven), 3)).round(2)
-    mechanism = driven_feet(tmp_path, base, platform, driven).without_limits()
+    inputs = [f"{n[0]}{k}{n[1:]}" for k, names in enumerate(driven) for n in names]
+    made = written(tmp_path, *stewart(base, platform, driven=inputs))
+    mechanism = pinsing.load_mechanism(made).without_limits()
     forms = pose_forms(mechanism)
     assert forms.complete
     ratios, met = [], 0
@@ -265,7 +237,7 @@ def test_legs_that_are_driven_at_the_foot(driven, tmp_path):
         for start in (q, refine(mechanism, q, "type 2").q):
             if np.abs(residual(mechanism, start)).max() > 1e-9:
                 continue
-            p, R = placed(mechanism, start)
+            p, R = output(mechanism, start)
             lines = []
             for names, C, B in zip(driven, base, p + platform @ R.T, strict=True):
                 d = B - C
@@ -275,9 +247,9 @@ def test_legs_that_are_driven_at_the_foot(driven, tmp_path):
                 for name in names:
                     f = force[name]
                     lines.append([*f, *np.cross(B, f)])
-            value = values(mechanism, forms, "type 2", start)[0]
+            two = left_sides(mechanism, forms, start, "type 2")[0]
             if start is q:
-                ratios.append(np.linalg.det(lines) / value)
+                ratios.append(np.linalg.det(lines) / two)
             elif mechanism_at(mechanism, start).kind == "type 2":
                 met += 1
                 assert locus_distance(mechanism, forms, start) < 1e-7
@@ -289,9 +261,7 @@ def test_legs_that_are_driven_at_the_foot(driven, tmp_path):
 
 def test_a_platform_in_the_plane_that_is_driven_at_its_feet(tmp_path, rng):
     """3-RPR with its first joints driven: the forces are across the legs."""
-    base = np.array([[0, 0], [1, 0.1], [0.4, 0.9]])
-    platform = np.array([[-0.2, -0.1], [0.25, -0.1], [0, 0.3]])
-    mechanism = three_rpr(tmp_path, base, platform, driven="r", least=-9).without_limits()
+    mechanism = planar(tmp_path, Way("rpr", driven="r")).without_limits()
     forms = pose_forms(mechanism)
     assert forms.complete
     assert any("where a leg has no length" in x for x in forms.notes)
@@ -300,13 +270,12 @@ def test_a_platform_in_the_plane_that_is_driven_at_its_feet(tmp_path, rng):
         for start in (q, refine(mechanism, q, "type 2").q):
             if np.abs(residual(mechanism, start)).max() > 1e-9:
                 continue
-            p, R = placed(mechanism, start)
-            ends = p[:2] + platform @ R[:2, :2].T
-            d = ends - base
+            p, R = output(mechanism, start)
+            ends = p[:2] + PLATFORM @ R[:2, :2].T
+            d = ends - BASE
             own = np.linalg.det(np.column_stack([-d[:, 1], d[:, 0], (ends * d).sum(axis=1)]))
-            value = np.prod(values(mechanism, forms, "type 2", start))
             if start is q:
-                ratios.append(own / value)
+                ratios.append(own / np.prod(left_sides(mechanism, forms, q, "type 2")))
             elif mechanism_at(mechanism, start).kind == "type 2":
                 met += 1
                 assert abs(own) < 1e-8

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from mechanisms import shipped
+from mechanisms import left_sides, placed, shipped
 from test_pose_forms import rotation
 from tiers import tiered
 from urdf_text import J, frame, loop_text, written
@@ -11,7 +11,6 @@ from urdf_text import J, frame, loop_text, written
 import pinsing
 from pinsing.loops import joint_forms, mechanism_at, pose_forms, refine
 from pinsing.loops.closure import random_closed
-from pinsing.loops.pose_loci import variables_at
 
 
 def eye(folder, base, middle, outer):
@@ -30,11 +29,9 @@ def eye(folder, base, middle, outer):
     return pinsing.load_mechanism(written(folder, joints, text))
 
 
-def placed(mechanism, q):
+def rotations(mechanism, q):
     """Rotation of the output, and of each arm."""
-    data = mechanism.model.createData()
-    pin.forwardKinematics(mechanism.model, data, mechanism.model_q(q))
-    pin.updateFramePlacements(mechanism.model, data)
+    data = placed(mechanism, q)
     arms = [data.oMi[mechanism.model.getJointId(f"a{k}")].rotation for k in range(3)]
     return data.oMf[mechanism.output_id].rotation, arms
 
@@ -52,25 +49,15 @@ def test_random_spherical_legs_against_their_moments(seed, tmp_path):
     found = random_closed(mechanism, 6, rng)
     two, ones = [], []
     for q in found:
-        R, arms = placed(mechanism, q)
+        R, arms = rotations(mechanism, q)
         moments = [np.cross(A @ m, R @ w) for A, m, w in zip(arms, middle, outer, strict=True)]
-        at = variables_at(mechanism, forms, q)
-        values = {"type 1": 1.0, "type 2": 1.0}
-        for x in forms.loci:
-            values[x.kind] *= float(x.equation([at[n] for n in x.equation.names]))
-        two.append(values["type 2"] / np.linalg.det(moments))
-        ones.append(values["type 1"] / np.prod([u @ n for u, n in zip(base, moments, strict=True)]))
+        one, both = (np.prod(left_sides(mechanism, forms, q, k)) for k in ("type 1", "type 2"))
+        two.append(both / np.linalg.det(moments))
+        ones.append(one / np.prod([u @ n for u, n in zip(base, moments, strict=True)]))
         for kind in ("type 1", "type 2"):
             point = refine(mechanism, q, kind)
             if point.converged:
-                at = variables_at(mechanism, forms, point.q)
-                assert (
-                    min(
-                        abs(float(x.equation([at[n] for n in x.equation.names])))
-                        for x in forms.loci
-                    )
-                    < 1e-6
-                )
+                assert np.abs(left_sides(mechanism, forms, point.q)).min() < 1e-6
     assert len(found) >= 3
     np.testing.assert_allclose(two, two[0], rtol=1e-6)
     np.testing.assert_allclose(ones, ones[0], rtol=1e-6)
@@ -125,7 +112,7 @@ def test_working_modes_of_spherical_legs_are_two_a_leg(seed, tmp_path):
     base, middle, outer = axes
     mechanism = eye(tmp_path, base, middle, outer)
     q = random_closed(mechanism, 1, rng)[0]
-    R, _ = placed(mechanism, q)
+    R, _ = rotations(mechanism, q)
     found = pinsing.loops.working_modes(mechanism, pin.SE3(R, np.zeros(3)).homogeneous)
     # By turning each actuated joint all round: where v . w passes its value.
     count = 1

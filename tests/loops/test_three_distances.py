@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from mechanisms import shipped
+from test_parallel_geometry import Way, planar
 from tiers import tiered
-from urdf_text import J, X, frame, loop_text, written
 
 import pinsing
 from pinsing.loops.legs import count_poses, input_loci
@@ -12,24 +12,6 @@ from pinsing.loops.legs import count_poses, input_loci
 
 def turned(angle):
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-
-
-def three_rpr(folder, base, platform, name="rpr", driven="p", least=0.05):
-    """Slides between pins of the base and of the platform, whose frame is ``out``."""
-    joints, loops = [], []
-    for k in range(3):
-        joints.append(J(f"r{k}", "base", f"cross{k}", (*base[k], 0)))
-        joints.append(J(f"p{k}", f"cross{k}", f"rod{k}", (0, 0, 0), X, "prismatic", (least, 9)))
-        if k == 0:
-            joints.append(J("turn", "rod0", "platform"))
-        else:
-            joints.append(frame(f"b{k}", "platform", (*(platform[k] - platform[0]), 0)))
-            loops.append((f"rod{k}", f"b{k}"))
-    joints.append(frame("out", "platform", (*-platform[0], 0)))
-    text = loop_text(
-        loops, [f"{driven}{k}" for k in range(3)], "out", "vx, vy, wz", home={"p0": 1.0}
-    )
-    return pinsing.load_mechanism(written(folder, joints, text, name))
 
 
 def triangles(seed):
@@ -74,7 +56,7 @@ def relative(equation, values):
 def test_leg_lengths_at_which_the_lines_meet_are_on_the_locus(seed, tmp_path):
     rng = np.random.default_rng(seed)
     base, platform = triangles(seed)
-    found = input_loci(three_rpr(tmp_path, base, platform))
+    found = input_loci(planar(tmp_path, Way("rpr", base=base, platform=platform)))
     assert found
     on, beside = [], []
     for _ in range(12):
@@ -122,7 +104,7 @@ def poses_by_scanning(base, platform, rho):
 def test_poses_are_as_many_as_the_circles_have(seed, tmp_path):
     rng = np.random.default_rng(seed)
     base, platform = triangles(seed)
-    mechanism = three_rpr(tmp_path, base, platform)
+    mechanism = planar(tmp_path, Way("rpr", base=base, platform=platform))
     numbers = set()
     for _ in range(12):
         rho = lengths(base, platform, rng.uniform(-0.5, 0.5, 2), rng.uniform(-np.pi, np.pi))
