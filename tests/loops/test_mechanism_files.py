@@ -47,6 +47,18 @@ def test_a_rod_between_two_balls_leaves_one_freedom(weld, tmp_path):
         assert np.linalg.norm(b - a) == pytest.approx(0.9, abs=1e-9)
 
 
+def test_a_rod_on_a_ball_that_the_loop_file_makes_spins(tmp_path):
+    """Joints that stand for no joint of the URDF are held as others are."""
+    text = (URDF / "rssr.loops.yaml").read_text().partition("home:")[0]
+    path = tmp_path / "ball.loops.yaml"
+    path.write_text(text + "joint_name: [ball_x, ball_y]\njoint_type: [SPHERICAL, FIXED]\n")
+    mechanism, plain = (pinsing.load_mechanism(URDF / "rssr.urdf", x) for x in (path, None))
+    assert mechanism.joints == ("crank", "ball_x_X", "ball_x_Y", "rocker")
+    assert any("held at home is ball_x_Z" in note for note in mechanism.notes)
+    q = np.array([0.3, 0.2, -0.4, 0.7])
+    np.testing.assert_allclose(residual(mechanism, q), residual(plain, q), atol=1e-12)
+
+
 def test_a_pin_that_is_written_twice_turns_once(tmp_path):
     """Both rods of a five-bar end in the same pin, and a weld holds the two halves together."""
     joints = [

@@ -46,7 +46,7 @@ from pinsing.robot.arm import (
     require_scale,
     require_values,
 )
-from pinsing.robot.models import add_joint, chain_limits, frame_index, joint_axis
+from pinsing.robot.models import add_joint, chain_limits, cut_out, frame_index, joint_axis
 from pinsing.robot.task import ROW_NAMES, Task, parse_task
 
 LOOP_KINDS = {"planar": 2, "3d": 3, "6d": 6}
@@ -381,7 +381,7 @@ def without_idle_spins(mechanism: Mechanism, keep_output: bool = True) -> Mechan
         # Fixed where it is at home.
         kept = np.arange(mechanism.n) != found
         at = mechanism.model_q(np.where(kept, 0.0, mechanism.home))
-        model = pin.buildReducedModel(mechanism.model, [found + 1], at)
+        model, _ = cut_out(mechanism.model, (np.flatnonzero(kept) + 1).tolist(), at)
         number = np.cumsum(kept) - 1
         mechanism = replace(
             mechanism,
