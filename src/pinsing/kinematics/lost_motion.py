@@ -563,7 +563,6 @@ class ColumnRanks:
         self.J = own_scale(arm).apply(arm, J, q)
         self.generic, self.used = generic, used
         self.zero = zero_of(arm, singular_values(self.J[None])[0], rtol)
-        self._generic: dict[tuple[int, ...], int] = arm.once("generic_column_ranks", dict)
         r = generic_rank(arm)
         self.spare = len(self.used) - r
         self.lost = r - self.rank(self.used)
@@ -578,11 +577,8 @@ class ColumnRanks:
 
     def generic_rank(self, ids: Sequence[int]) -> int:
         """Rank of the columns ``ids`` at almost every configuration."""
-        key = tuple(ids)
-        if key not in self._generic:
-            sigma = singular_values(self.generic[:, :, list(ids)])
-            self._generic[key] = int((sigma > SINGULAR_RTOL * sigma.max()).sum(axis=-1).max())
-        return self._generic[key]
+        sigma = singular_values(self.generic[:, :, list(ids)])
+        return int((sigma > SINGULAR_RTOL * sigma.max()).sum(axis=-1).max())
 
     def deficient(self, ids: Sequence[int]) -> bool:
         """Return True if the columns ``ids`` have a smaller rank here than in general."""

@@ -261,20 +261,16 @@ class _Collector:
         inside = bool(exact.within_limits(first, ANGLE_TOL))  # a rounded limit is met
         if not condition.related:
             return Q, inside
-        seen = exact.fold(self.points.q[rows])
-        met = seen[exact.within_limits(seen)]
+        found = exact.fold(self.points.q[rows])
+        if not exact.within_limits(found).any():
+            ends = approach(exact, Q, np.isin(exact.joints, condition.related), inside)
+            forced = row_of(condition.forced_by, exact)
+            alone = np.where(np.isnan(forced), rest, forced)
+            found = np.concatenate([found, exact.fold(ends.q[ends.singular]), alone[None]])
+        met = found[exact.within_limits(found)]
         if len(met):
             return met[:_CANDIDATES], True
-        related = [exact.joints.index(name) for name in condition.related]
-        ends = approach(exact, Q, np.isin(np.arange(exact.n), related), inside)
-        tried = exact.fold(ends.q[ends.singular])
-        if inside and len(tried):
-            return tried, True
-        elsewhere = seen[:_CANDIDATES] if len(seen) else tried
-        if not len(elsewhere):
-            row = row_of(condition.forced_by, exact)
-            elsewhere = np.where(np.isnan(row), rest, row)[None]
-        return elsewhere, None if inside else False
+        return found[:_CANDIDATES], None if inside else False
 
 
 def on_condition(arm: Arm, condition: JointCondition, Q: Array, tol: float = ALIKE) -> Bool:
