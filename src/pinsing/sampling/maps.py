@@ -20,7 +20,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pinsing._batch import engine as kernel
-from pinsing.algebra.conditions import Conditions, two_sided
+from pinsing.algebra.conditions import two_sided
 from pinsing.chunk_file import Record
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.families.solve import form_to_measure
@@ -37,7 +37,13 @@ from pinsing.kinematics.jacobian import (
 )
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL, Array, ArrayLike, Bool, NDArray
 from pinsing.prose import PLAIN, Page, Span, Table, alarm, caution, verdict
-from pinsing.proximity.clearance import Forms, nearest_family, require_forms_of, watch
+from pinsing.proximity.clearance import (
+    Forms,
+    Watched,
+    nearest_family,
+    require_forms_of,
+    watch,
+)
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.sampling.execute import Job, Progress, Tell, planned_batch, running
 from pinsing.sampling.tally import (
@@ -675,62 +681,31 @@ RESULT = "result.json"
 """File of a folder that holds the result of a complete map."""
 
 
-@dataclass(frozen=True, eq=False)
-class Nearness:
-    """The families of a map as flat arrays: small, and able to be pickled."""
+def _families(arm: Arm, forms: Forms | None) -> Watched:
+    """Families of ``forms``, by default of the closed form of ``arm``."""
+    if forms is None:
+        forms = form_to_measure(arm)
+    require_forms_of(forms, arm)
+    watched = watch(forms)
+    OptionError.refuse_if(
+        not watched.names,
+        f"{arm.name} has no known family of singular configurations, so that every "
+        "clearance is infinite: map sigma instead",
+    )
+    return watched
 
-    names: tuple[str, ...]  # of the families
-    complete: bool  # whether the closed form is complete
-    conditions: Conditions  # the families
 
-    @classmethod
-    def of(cls, arm: Arm, forms: Forms | None) -> Nearness:
-        """Families of ``forms``, by default of the closed form of ``arm``."""
-        if forms is None:
-            forms = form_to_measure(arm)
-        require_forms_of(forms, arm)
-        watched = watch(forms)
-        OptionError.refuse_if(
-            not watched.names,
-            f"{arm.name} has no known family of singular configurations, so that every "
-            "clearance is infinite: map sigma instead",
-        )
-        return cls(watched.names, watched.complete, watched.conditions)
-
-    def fingerprint(self) -> str:
-        """SHA-256 of the names and of every number of the families."""
-        digest = hashlib.sha256(repr(self.names).encode())
-        c = self.conditions
-        for name, value in {"families": c.families, **c.flat, "norm": c.norm}.items():
-            data = value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode()
-            digest.update(f"{name}:{len(data)};".encode() + data)
-        return digest.hexdigest()
-
-    def bounds(self, Q: Array, engine: str) -> tuple[Array, Array]:
-        """Return the upper and lower bounds (N,) at configurations Q (N, n)."""
-        compiled = engine != PINOCCHIO
-        found = two_sided(
-            self.conditions, Q, compiled=compiled, threads=1, isa=engine if compiled else None
-        )
-        return found.upper, found.lower
-
-    def spread(self, tally: Tally, locate: Callable[[int], Array]) -> ClearanceSpread:
-        """Turn a tally that has seen something into a result."""
-        upper, lower = distributions(tally, locate)
-        numbers = tally.worst_index.tolist()
-        Q = np.stack([locate(i) for i in numbers])
-        family = nearest_family(self.conditions, Q)[0]
-        rows = zip(numbers, Q, tally.worst_ratio, tally.worst_sigma, family, strict=True)
-        return ClearanceSpread(
-            families=self.names,
-            complete=self.complete,
-            lower=lower,
-            upper=upper,
-            nearest=tuple(
-                ClearancePoint(i, q, float(low), float(high), self.names[k])
-                for i, q, low, high, k in rows
-            ),
-        )
+def _spread(near: Watched, tally: Tally, locate: Callable[[int], Array]) -> ClearanceSpread:
+    """Turn a tally that has seen something into a result."""
+    upper, lower = distributions(tally, locate)
+    numbers = tally.worst_index.tolist()
+    Q = np.stack([locate(i) for i in numbers])
+    family = nearest_family(near.conditions, Q)[0]
+    rows = zip(numbers, Q, tally.worst_ratio, tally.worst_sigma, family, strict=True)
+    nearest = tuple(
+        ClearancePoint(i, q, float(low), float(high), near.names[k]) for i, q, low, high, k in rows
+    )
+    return ClearanceSpread(near.names, near.complete, lower, upper, nearest)
 
 
 class MapJob(Job):
@@ -740,15 +715,17 @@ class MapJob(Job):
     """
 
     def __init__(
-        self, plan: MapPlan, batch: Batch, keep_values: bool = False, near: Nearness | None = None
+        self, plan: MapPlan, batch: Batch, keep_values: bool = False, near: Watched | None = None
     ) -> None:
-        self.plan, self.batch, self.keep_values, self.near = plan, batch, keep_values, near
+        self.plan, self.batch, self.keep_values = plan, batch, keep_values
         self.count, self.size = plan.count, plan.chunk
+        self.names: tuple[str, ...] = () if near is None else near.names
+        self.conditions = None if near is None else near.conditions
 
     def tallies(self) -> list[Tally]:
         """Empty tallies of what is measured."""
         found = [Tally(self.plan.worst)]
-        if self.near is not None:
+        if self.conditions is not None:
             found.append(Tally(self.plan.worst, "clearance_", ratios=False))
         return found
 
@@ -756,15 +733,21 @@ class MapJob(Job):
         """Singular values (N, r) at Q (N, n), and what each tally counts of them."""
         sigma, ratio = measured(self.batch, Q)
         found = [(sigma[:, -1], ratio)]
-        if self.near is not None:
-            found.append(self.near.bounds(Q, self.batch.engine))
+        if self.conditions is not None:
+            isa = None if self.batch.engine == PINOCCHIO else self.batch.engine
+            near = two_sided(self.conditions, Q, compiled=isa is not None, threads=1, isa=isa)
+            found.append((near.upper, near.lower))
         return sigma, found
 
     def identity(self) -> Mapping[str, Any]:
         """Return what decides the numbers, as plain JSON values."""
         values: dict[str, Any] = {"keep_values": self.keep_values}
-        if self.near is not None:
-            values["clearance"] = self.near.fingerprint()
+        if (c := self.conditions) is not None:
+            digest = hashlib.sha256(repr(self.names).encode())
+            for name, value in {"families": c.families, **c.flat, "norm": c.norm}.items():
+                data = value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode()
+                digest.update(f"{name}:{len(data)};".encode() + data)
+            values["clearance"] = digest.hexdigest()
         return run_identity("map", self.batch) | self.plan.identity() | values
 
     def part(self, index: int) -> Callable[[], Record]:
@@ -935,7 +918,7 @@ def sigma_map(
     OptionError.refuse_if(
         keep_values and out is None, "keep_values needs a folder to keep them in: give out"
     )
-    near = Nearness.of(arm, forms) if measure == "clearance" else None
+    near = _families(arm, forms) if measure == "clearance" else None
     job = MapJob(plan, planned_batch(arm, out, engine), keep_values, near)
     tally, *distances = tallies = job.tallies()
     notes = plan.notes
@@ -962,7 +945,7 @@ def sigma_map(
             worst=worst_points(tally, locate),
             complete=tally.done == plan.count,
             notes=notes,
-            clearance=None if near is None else near.spread(distances[0], locate),
+            clearance=None if near is None else _spread(near, distances[0], locate),
         )
         if run.folder is not None and result.complete:
             run.folder.write_bytes(run.folder.path / RESULT, (result.to_json() + "\n").encode())
