@@ -593,15 +593,8 @@ def random_search(
         if on.all():
             break
         on[~on] = family.contains(found[~on], PRACTICAL)
-    off = found[~on]
-    if len(off):
-        # In a flat valley sigma_r is below the tolerance some way off already: the nearest true
-        # zero decides.
-        ends = approach(exact, off)
-        close = ends.singular & (np.abs(ends.q - off).max(axis=1) <= _VALLEY)
-        close &= np.array([forms.family_of(q, PRACTICAL) is not None for q in ends.q])
-        off = off[~close]
-        off = np.array([q for q in off if stages.over or not leads_down(exact, forms, q)])
+    # In a flat valley sigma_r is below the tolerance some way off already: the zero there decides.
+    off = [q for q in found[~on] if stages.over or not leads_down(exact, forms, q)]
     return RandomSearch(starts, len(found), len(found) - len(off), tuple(off))
 
 
