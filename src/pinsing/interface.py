@@ -21,7 +21,7 @@ import typing
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
 import numpy as np
 
@@ -426,15 +426,6 @@ def _quarter_turns(quarters: int) -> str:
     return f"{sign}{top if top > 1 else ''}pi{bottom}"
 
 
-class Written(NamedTuple):
-    """How a field stands in JSON, where not as it is: its metadata under "json"."""
-
-    name: str  # its key
-    encode: Callable[[Any], Any]  # to what JSON has
-    decode: Callable[[Any], Any]  # and back
-    kind: Any  # what JSON has there
-
-
 class JsonResult(Advised):
     """Mixin of frozen dataclasses whose fields are numbers, text, arrays, tuples and their like.
 
@@ -470,7 +461,7 @@ class JsonResult(Advised):
         >>> pinsing.at(pinsing.load("planar3r"), [0, 0, 1]).to_dict()["status"]
         'singular'
         """
-        return {"schema": self.schema, **_encode_fields(self)}
+        return {"schema": self.schema, **encode(self)}
 
     @checked
     def to_json(self, indent: int | None = 2) -> str:
@@ -574,17 +565,6 @@ def _one_line(self: Any) -> str:
     return one_line(kind.__name__, "" if plain else str(self))
 
 
-def _encode_fields(value: Any) -> dict[str, Any]:
-    out = {}
-    for f in dataclasses.fields(value):
-        written = f.metadata.get("json", True)
-        if isinstance(written, Written):
-            out[written.name] = encode(written.encode(getattr(value, f.name)))
-        elif written:
-            out[f.name] = encode(getattr(value, f.name))
-    return out
-
-
 def encode(value: Any) -> Any:
     """Turn dataclasses, arrays, tuples and odd floats into what JSON has."""
     if isinstance(value, float | np.floating):
@@ -593,7 +573,8 @@ def encode(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return encode(value.tolist())
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return _encode_fields(value)
+        written = [f.name for f in dataclasses.fields(value) if f.metadata.get("json", True)]
+        return {name: encode(getattr(value, name)) for name in written}
     if isinstance(value, Mapping):
         return {str(k): encode(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
@@ -612,10 +593,8 @@ def _decode(kind: Any, value: Any) -> Any:
         data = _expect(dict, value)
         read = {}
         for f in dataclasses.fields(kind):
-            written = f.metadata.get("json", True)
-            if isinstance(written, Written):
-                read[f.name] = written.decode(_decode(written.kind, data[written.name]))
-            elif written and (f.name in data or not f.metadata.get("optional")):
+            left_out = f.metadata.get("optional") and f.name not in data
+            if f.metadata.get("json", True) and not left_out:
                 read[f.name] = _decode(hints[f.name], data[f.name])
         return kind(**read)
     if origin in (typing.Union, types.UnionType):

@@ -24,7 +24,7 @@ from pinsing.kinematics.refine import (
     describe_many,
     walk,
 )
-from pinsing.measures import ALIKE, PRACTICAL, Array, ArrayLike, Bool, NDArray, Reachability
+from pinsing.measures import ALIKE, PRACTICAL, Array, ArrayLike, Bool, NDArray
 from pinsing.notebook import verdict
 from pinsing.prose import PLAIN, Page, Span, alarm, caution, html_text as text, unbroken
 from pinsing.robot.arm import Arm, ArmSummary, summarize
@@ -236,7 +236,7 @@ class _Collector:
                     condition=condition,
                     configuration=chosen,
                     raw_ratio=float(ratios(self.arm, chosen.q)[0]),
-                    reachability=Reachability.of(reachable),
+                    reachable=reachable,
                     seen=len(curves),
                     curves=tuple(dict.fromkeys(curves)),
                     zeros=tuple(
@@ -330,7 +330,7 @@ def _valleys(
                     condition=condition,
                     configuration=chosen,
                     raw_ratio=float(ratios(arm, chosen.q)[0]),
-                    reachability=Reachability.of(True if chosen.within_limits else None),
+                    reachable=True if chosen.within_limits else None,
                     seen=int(rows.sum()),
                     curves=tuple(dict.fromkeys(curves)),
                 )

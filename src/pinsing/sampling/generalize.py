@@ -11,13 +11,13 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.interface import MAX_SEED, JsonResult, Written, checked, whole_number
+from pinsing.interface import MAX_SEED, JsonResult, checked, whole_number
 from pinsing.kinematics.jacobian import SINGULAR_RTOL, Status, own_scale, ratios
 from pinsing.kinematics.refine import SingularConfiguration, approach
 from pinsing.measures import Array, ArrayLike, Bool, Reachability
@@ -114,9 +114,9 @@ class Finding(JsonResult):
         A representative, on the nominal geometry; within the limits if one was found.
     raw_ratio : float
         sigma_r / sigma_1 of the representative on the raw geometry.
-    reachability : Reachability
+    reachable : bool or None
         Whether one exists within the limits (then the representative does), does not (a fixed
-        value is outside), or none was found. JSON has it as ``reachable``: true, false or null.
+        value is outside: proven), or none was found.
     seen : int
         Number of dips, and of curves that are singular all along, that led here.
     curves : tuple of int
@@ -134,17 +134,15 @@ class Finding(JsonResult):
     condition: JointCondition
     configuration: SingularConfiguration
     raw_ratio: float
-    reachability: Reachability = field(
-        metadata={"json": Written("reachable", lambda r: r.known, Reachability.of, bool | None)}
-    )
+    reachable: bool | None
     seen: int
     curves: tuple[int, ...]
     zeros: tuple[tuple[int, float], ...] = ()
 
     @property
-    def reachable(self) -> bool | None:
-        """True, False (proven), or None if no configuration within the limits was found."""
-        return self.reachability.known
+    def reachability(self) -> Reachability:
+        """The same as that of a family."""
+        return Reachability.of(self.reachable)
 
     def __str__(self) -> str:
         return "".join(x if isinstance(x, str) else x.text for x in finding_spans(self)).replace(
