@@ -334,9 +334,9 @@ def _ctrl_c_before(function: Callable[..., Any]) -> Callable[..., Any]:
     ("name", "place"),
     [
         ("run", "pinsing.sampling.sweeps.pack_sweep"),
-        ("run", "pinsing.sampling.analyze.singular_configurations"),
+        ("run", "pinsing.sampling.singular_configurations"),
         ("curves.npz", "pinsing.sampling.sweeps.save_npz"),
-        ("curves.npz", "pinsing.sampling.analyze.singular_configurations"),
+        ("curves.npz", "pinsing.sampling.singular_configurations"),
     ],
 )
 def test_ctrl_c_after_the_last_chunk_of_a_sweep(name, place, tmp_path, monkeypatch):
