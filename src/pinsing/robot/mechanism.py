@@ -46,7 +46,7 @@ from pinsing.robot.arm import (
     require_scale,
     require_values,
 )
-from pinsing.robot.models import add_joint, chain_limits, cut_out, frame_index, joint_axis
+from pinsing.robot.models import chain_limits, cut_out, frame_index, joint_axis
 from pinsing.robot.task import ROW_NAMES, Task, parse_task
 
 LOOP_KINDS = {"planar": 2, "3d": 3, "6d": 6}
@@ -555,32 +555,11 @@ def replaced_joints(model: pin.Model, keys: dict[str, YamlNode]) -> pin.Model:
     )
     known = tuple(model.names)[1:]
     turns = [_TURNS[_one_of(kind, "value", tuple(_TURNS), str.upper)] for kind in kinds]
-    wanted = dict(zip([known[k] for k in _numbered(names, known)], turns, strict=True))
-    return _rebuilt(model, wanted) if wanted else model
-
-
-def _rebuilt(model: pin.Model, wanted: dict[str, str]) -> pin.Model:
-    """The model with joints made others."""
-    out = pin.Model()
-    out.name = model.name
-    # Where a joint of the old model is carried now: joint, and the place of its frame there.
-    where: list[tuple[int, pin.SE3]] = [(0, pin.SE3.Identity())]
-    for k in range(1, model.njoints):
-        name, joint = model.names[k], model.joints[k]
-        parent, at = where[int(model.parents[k])]
-        place = at * model.jointPlacements[k]
-        if name not in wanted:
-            where.append((add_joint(out, parent, joint, place, model, k), pin.SE3.Identity()))
-            continue
-        for axis in wanted[name]:
-            turn = getattr(pin, f"JointModelRUB{axis}")()
-            parent = out.addJoint(parent, turn, place, f"{name}_{axis}")
-            place = pin.SE3.Identity()
-        # A fixed joint leaves its place to what it carries.
-        where.append((parent, place))
-    for frame in list(model.frames)[1:]:
-        parent, at = where[int(frame.parentJoint)]
-        out.addFrame(pin.Frame(frame.name, parent, 0, at * frame.placement, frame.type), False)
+    hinges = dict(zip([k + 1 for k in _numbered(names, known)], turns, strict=True))
+    if not hinges:
+        return model
+    keep = set(range(1, model.njoints)) - hinges.keys()
+    out, _ = cut_out(model, keep, pin.neutral(model), hinges=hinges)
     PinsingError.refuse_if(
         out.njoints == 1, f"{model.name}: all joints are FIXED in the loop file: nothing moves"
     )

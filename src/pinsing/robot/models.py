@@ -518,12 +518,17 @@ def build_model(description: Description) -> pin.Model:
 
 
 def cut_out(
-    model: pin.Model, keep: Collection[int], reference: Array, base: int = 0
+    model: pin.Model,
+    keep: Collection[int],
+    reference: Array,
+    base: int = 0,
+    hinges: Mapping[int, str] | None = None,
 ) -> tuple[pin.Model, dict[int, tuple[int, pin.SE3]]]:
     """Return the model of the joints ``keep`` with frame ``base`` as the world, and what carries.
 
     The other joints are locked as in ``reference`` (nq,). Joints from the base towards the root,
-    which have one degree of freedom each, are turned round. The dictionary has, for each joint of
+    which have one degree of freedom each, are turned round. ``hinges``: axes, such as "XZ", of
+    endless ones that take the place of a joint. The dictionary has, for each joint of
     ``model``, the joint of the new model that carries its body, and where.
     """
     out = pin.Model()
@@ -550,8 +555,13 @@ def cut_out(
             place = place * model.jointPlacements[joint]
             number = add_joint(out, carrier, model.joints[joint], place, model, joint)
             carried[joint] = number, pin.SE3.Identity()
-        else:
-            carried[joint] = carrier, place * _locked_place(model, joint, reference)
+            continue
+        place = place * _locked_place(model, joint, reference)
+        for axis in (hinges or {}).get(joint, ""):
+            turn = getattr(pin, f"JointModelRUB{axis}")()
+            carrier = out.addJoint(carrier, turn, place, f"{model.names[joint]}_{axis}")
+            place = pin.SE3.Identity()
+        carried[joint] = carrier, place
     for joint, (carrier, place) in carried.items():
         out.appendBodyToJoint(carrier, model.inertias[joint], place)
     _carry_frames(model, out, carried, keep, not turned)
@@ -582,8 +592,8 @@ def _carry_frames(
             numbers.append(out.getFrameId(frame.name, _JOINT))
             continue
         kind = pin.FrameType.FIXED_JOINT if frame.type == _JOINT and not moves else frame.type
-        # Named by their numbers first: of two that now have a name and type, both are kept.
-        made = pin.Frame(f"{len(numbers)}", carrier, 0, place * frame.placement, kind)
+        # As no frame is named, first: of two that now have one name and type, both are kept.
+        made = pin.Frame(f"\n{len(numbers)}", carrier, 0, place * frame.placement, kind)
         numbers.append(out.addFrame(made, False))
         out.frames[numbers[-1]].name = frame.name
     for frame, number in zip(model.frames, numbers, strict=True):
