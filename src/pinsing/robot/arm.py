@@ -44,6 +44,7 @@ from pinsing.robot.models import (
     build_model,
     frame_index,
     joint_value,
+    leader_of,
     put_values,
     way_between,
 )
@@ -405,10 +406,11 @@ class Given:
     notes: tuple[str, ...] = ()
 
     @cached_property
-    def mimics(self) -> dict[str, Mimic]:
-        """Joints that follow others, by name."""
+    def leaders(self) -> dict[str, Mimic]:
+        """What joints that follow others follow in the end, by name."""
         joints = () if self.description is None else self.description.joints
-        return {joint.name: joint.mimic for joint in joints if joint.mimic is not None}
+        direct = {joint.name: joint.mimic for joint in joints if joint.mimic is not None}
+        return {name: leader_of(name, direct) for name in direct}
 
 
 def given_model(robot: Any) -> Given | None:

@@ -21,11 +21,9 @@ from pinsing.robot.models import (
     choose_chain,
     choose_tip,
     couple,
-    coupled_limits,
     cut_out,
     frame_index,
     joint_path,
-    leader_of,
     locked_at,
     long_chain_note,
     way_between,
@@ -186,12 +184,11 @@ def _choose_tip(
         )
         return tip, last, []
     if joints:
-        known = list(model.names)[1:]
-        ids = [model.getJointId(_known("joint", name, known)) for name in joints]
-        last = max(ids, key=lambda j: len(joint_path(model, j)))
+        _require_joints(joints, model)
+        last = max(map(model.getJointId, joints), key=lambda j: len(joint_path(model, j)))
         chosen = choose_tip(model, last)
         return chosen, last, [f"tip {chosen} was chosen on the link of the last joint given"]
-    every = candidates(model, whole.mimics)
+    every = candidates(model, whole.leaders)
     found = [c.beyond(model, base_joint) for c in every if base_joint in (0, *c.path[:-1])]
     if base_joint and not found:
         tips = ", ".join(f"--tip {quote(c.tip)}" for c in every[:8] if base_joint not in c.path)
@@ -200,7 +197,7 @@ def _choose_tip(
             f"{whole.label}: no joint lies beyond the base; take one nearer the root{other}",
             tips=tuple(c.tip for c in every if base_joint not in c.path),
         )
-    candidate, notes = choose_chain(found, whole.label, model, whole.mimics)
+    candidate, notes = choose_chain(found, whole.label, model, whole.leaders)
     return candidate.tip, candidate.path[-1], notes
 
 
@@ -215,7 +212,7 @@ def _free_joints(
             many = list(joints).count(name) > 1
             ChainError.refuse_if(many, f"joint {name!r} is named twice in joints", joint=name)
         for name in joints:
-            _known("joint", name, list(model.names)[1:])
+            _require_joints([name], model)
             ChainError.refuse_if(
                 name not in on_path,
                 f"joint {name!r} is not between the base and the tip; "
@@ -224,15 +221,13 @@ def _free_joints(
                 joints=tuple(on_path),
             )
             JointError.refuse_if(
-                name in whole.mimics,
+                name in whole.leaders,
                 name,
                 "follows another joint and cannot be chosen; name that one",
             )
         asked = set(joints)
-        follow = {
-            n for n in on_path if n in whole.mimics and leader_of(n, whole.mimics)[0] in asked
-        }
-        free = [j for j in path if model.names[j] in asked | follow]
+        asked |= {name for name, leads in whole.leaders.items() if leads.joint in asked}
+        free = [j for j in path if model.names[j] in asked]
         left = [model.names[j] for j in path if j not in free]
         if left:
             notes.append(f"joints of the chain not asked for are locked: {', '.join(left)}")
@@ -273,12 +268,9 @@ def _build(
     in_order = [model.names[j] for j in free]
     on_path = set(in_order)
     # A follower whose leader is locked is locked as well; one whose leader moves, follows.
-    leaders = {
-        name: leader_of(name, whole.mimics)
-        for name in in_order
-        if name in whole.mimics and leader_of(name, whole.mimics)[0] in on_path
-    }
-    stuck = {name for name in on_path if name in whole.mimics and name not in leaders}
+    leads = whole.leaders
+    leaders = {n: leads[n] for n in in_order if n in leads and leads[n].joint in on_path}
+    stuck = {name for name in on_path if name in leads and name not in leaders}
     if stuck:
         notes += (
             f"mimic joints whose leading joint is outside the chain are locked: "
@@ -296,7 +288,7 @@ def _build(
     if whole.description is not None:
         whole.description.require_usable(model.names[j] for j in kept)
     lock = [j for j in range(1, model.njoints) if j not in kept]
-    reference = locked_at(model, whole.mimics)
+    reference = locked_at(model, whole.leaders)
     # Joints beyond the tip are named where it is chosen.
     off_path = [j for j in lock if j not in path and path[-1] not in model.supports[j]]
     if off_path:
@@ -304,23 +296,21 @@ def _build(
         notes += (f"locked outside the chain, without effect on it: {joints}",)
     reduced, _ = cut_out(model, kept, reference, frame_index(model, base))
     names = list(reduced.names)[1:]
-    independent = [n for n in names if n not in leaders]
+    lower, upper, prismatic, said = chain_limits(reduced)
     coupling = None
     if leaders:
-        coupling = couple(names, independent, leaders)
+        coupling, lower, upper = couple(names, leaders, lower, upper)
         told = [f"{n} = {m:g} * {leader} + {o:g}" for n, (leader, m, o) in leaders.items()]
         notes += (f"mimic joints of the chain follow: {'; '.join(told)}",)
-    lower, upper, prismatic, said = chain_limits(reduced)
     notes += tuple(said)
-    if coupling is not None:
-        lower, upper = coupled_limits(lower, upper, coupling, names, independent)
+    free_names = [name for name in names if name not in leaders]
     return Arm(
         name=whole.entry.name if whole.entry else whole.name or "model",
         model=reduced,
         tip=tip,
         base=root_name(reduced) if base == "universe" else base,
-        joints=tuple(independent),
-        prismatic=prismatic[[names.index(n) for n in independent]],
+        joints=tuple(free_names),
+        prismatic=prismatic[[names.index(name) for name in free_names]],
         lower=lower,
         upper=upper,
         task=task,
@@ -346,8 +336,8 @@ def root_name(model: pin.Model) -> str:
     return next((str(f.name) for f in bodies if f.placement.isIdentity(0.0)), "universe")
 
 
-def _known(kind: str, name: str, known: list[str]) -> str:
-    if name not in known:
-        meant = [named(name, known)] if kind == "joint" else []
-        raise UnknownNameError(kind, name, known, meant=[x for x in meant if x != name])
-    return name
+def _require_joints(names: Iterable[str], model: pin.Model) -> None:
+    known = list(model.names)[1:]
+    for name in names:
+        meant = [joint for joint in [named(name, known)] if joint != name]
+        UnknownNameError.refuse_if(name not in known, "joint", name, known, meant=meant)

@@ -718,7 +718,7 @@ def _tree(
         reference=np.array(pin.neutral(model)),
         base="universe",
     )
-    return model, source, given.name or "mechanism", notes, tuple(given.mimics)
+    return model, source, given.name or "mechanism", notes, tuple(given.leaders)
 
 
 def _limits(model: pin.Model) -> tuple[Array, Array, Bool]:

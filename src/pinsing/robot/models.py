@@ -387,38 +387,26 @@ class Coupling:
 
 
 def couple(
-    names: Sequence[str], independent: Sequence[str], leaders: Mapping[str, Mimic]
-) -> Coupling:
-    """Coupling of the joints ``names`` of a model, of which ``independent`` move by themselves."""
-    matrix = np.zeros((len(names), len(independent)))
-    offset = np.zeros(len(names))
-    for row, name in enumerate(names):
-        leader, multiplier, shift = leaders.get(name, Mimic(name, 1.0, 0.0))
-        matrix[row, independent.index(leader)] = multiplier
-        offset[row] = shift
-    return Coupling(matrix, offset)
+    names: Sequence[str], leaders: Mapping[str, Mimic], lower: Array, upper: Array
+) -> tuple[Coupling, Array, Array]:
+    """Return how joints follow others, and limits of the rest that keep all in theirs.
 
-
-def coupled_limits(
-    lower: Array, upper: Array, coupling: Coupling, names: Sequence[str], independent: Sequence[str]
-) -> tuple[Array, Array]:
-    """Return limits of free joints that keep their followers in theirs; JointError if none do."""
-    low = np.full(len(independent), -np.inf)
-    high = np.full(len(independent), np.inf)
+    JointError if there are none.
+    """
+    free = [name for name in names if name not in leaders]
+    matrix, offset = np.zeros((len(names), len(free))), np.zeros(len(names))
+    low, high = np.full(len(free), -np.inf), np.full(len(free), np.inf)
     for row, name in enumerate(names):
-        moved = np.flatnonzero(coupling.matrix[row])
-        if len(moved) == 0:  # multiplier zero: it stands still
+        leader, m, o = leaders.get(name, Mimic(name, 1.0, 0.0))
+        column = free.index(leader)
+        matrix[row, column], offset[row] = m, o
+        if m == 0.0:  # it stands still
             continue
-        column = int(moved[0])
-        m, o = coupling.matrix[row, column], coupling.offset[row]
         ends = sorted(((lower[row] - o) / m, (upper[row] - o) / m))
         low[column], high[column] = max(low[column], ends[0]), min(high[column], ends[1])
-        JointError.refuse_if(
-            low[column] > high[column],
-            name,
-            f"cannot follow {independent[column]!r} within its own limits",
-        )
-    return low, high
+        apart = low[column] > high[column]
+        JointError.refuse_if(apart, name, f"cannot follow {leader!r} within its own limits")
+    return Coupling(matrix, offset), low, high
 
 
 def joint_value(model: pin.Model, joint: int, q: Array) -> Array:
@@ -438,14 +426,13 @@ def put_values(model: pin.Model, joints: Iterable[int], values: Array, out: Arra
             out[..., i] = value
 
 
-def locked_at(model: pin.Model, mimics: Mapping[str, Mimic]) -> Array:
+def locked_at(model: pin.Model, leaders: Mapping[str, Mimic]) -> Array:
     """Return the values of locked joints: neutral, within limits; followers follow."""
     q = np.array(pin.neutral(model))
     single = [joint.idx_q for joint in model.joints[1:] if joint.nq == 1]
     low, high = model.lowerPositionLimit[single], model.upperPositionLimit[single]
     q[single] = np.where(low <= high, np.clip(q[single], low, high), q[single])
-    for name in mimics:
-        leader, multiplier, shift = leader_of(name, mimics)
+    for name, (leader, multiplier, shift) in leaders.items():
         value = multiplier * joint_value(model, model.getJointId(leader), q) + shift
         put_values(model, [model.getJointId(name)], value[None], q)
     return q
