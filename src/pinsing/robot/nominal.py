@@ -20,7 +20,7 @@ from __future__ import annotations
 import itertools
 import math
 import random
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
@@ -73,37 +73,6 @@ def placements_of(arm: Arm) -> Array:
     """Return where joints and tip are in the joint before (k + 1, 3, 4): rotations, and metres."""
     chain = flatten(arm)
     return np.concatenate([chain.R, chain.t[..., None]], axis=2)
-
-
-def with_fixed_joints_put(
-    arm: Arm, put: Callable[[int, Array], Array | None]
-) -> tuple[Array, Array]:
-    """Return placements (R, t), rotations of fixed joints by ``put(i, R)`` where it is not None."""
-    raw, model = flatten(arm), arm.model
-    R, t = raw.R.copy(), raw.t.copy()
-    joint = pin.FrameType.JOINT
-    own = {f.parentJoint: f.parentFrame for f in model.frames if f.type == joint}
-    before = np.eye(3)
-    for i in range(raw.n + 1):
-        tip = model.frames[arm.tip_id]
-        at = own.get(i + 1, 0) if i < raw.n else tip.parentFrame
-        place = model.jointPlacements[i + 1] if i < raw.n else tip.placement
-        composed = [place]
-        while at and (here := model.frames[at]).parentJoint == i and here.type != joint:
-            composed.append(here.placement)
-            at = here.parentFrame
-        made, last, moved = pin.SE3.Identity(), pin.SE3.Identity(), False
-        for here in reversed(composed):
-            step = last.actInv(here)
-            found = None if here is place else put(i, step.rotation)
-            made = made * (step if found is None else pin.SE3(found, step.translation))
-            last, moved = here, moved or found is not None
-        if moved:
-            R[i] = before.T @ made.rotation @ place.rotation.T @ before @ R[i]
-            t[i] = before.T @ made.translation
-        if i < raw.n:
-            before = axis_rotation(joint_axis(model.joints[i + 1])[0])
-    return R, t
 
 
 def on_chain(arm: Arm, chain: Chain, **changes: Any) -> Arm:
@@ -319,16 +288,34 @@ class ExactPlacements:
 
     def put_fixed_joints(self, arm: Arm) -> None:
         """Put fixed joints at right angles, where they are near, before all else."""
-
-        def put(i: int, R: Array) -> Array | None:
-            found = self._signed_permutation(i, R)
-            quarter = None if found is None else np.array(found, dtype=float)
-            near = quarter is None or rotation_angle(quarter.T @ R) <= FLOAT_NOISE
-            return None if near else quarter
-
-        R, t = with_fixed_joints_put(arm, put)
-        if (R != self.raw.R).any() or (t != self.raw.t).any():
-            self.raw = Chain(R, t, self.raw.prismatic)
+        raw, model, joint = self.raw, arm.model, pin.FrameType.JOINT
+        R, t = raw.R.copy(), raw.t.copy()
+        own = {f.parentJoint: f.parentFrame for f in model.frames if f.type == joint}
+        before = np.eye(3)
+        for i in range(raw.n + 1):
+            tip = model.frames[arm.tip_id]
+            at = own.get(i + 1, 0) if i < raw.n else tip.parentFrame
+            place = model.jointPlacements[i + 1] if i < raw.n else tip.placement
+            composed = []
+            while at and (here := model.frames[at]).parentJoint == i and here.type != joint:
+                composed.append(here.placement)
+                at = here.parentFrame
+            made, last, moved = pin.SE3.Identity(), pin.SE3.Identity(), False
+            for here in reversed(composed):
+                step, last = last.actInv(here), here
+                found = self._signed_permutation(i, step.rotation)
+                quarter = step.rotation if found is None else np.array(found, dtype=float)
+                if rotation_angle(quarter.T @ step.rotation) > FLOAT_NOISE:
+                    step, moved = pin.SE3(quarter, step.translation), True
+                made = made * step
+            if moved:
+                made = made * last.actInv(place)
+                R[i] = before.T @ made.rotation @ place.rotation.T @ before @ R[i]
+                t[i] = before.T @ made.translation
+            if i < raw.n:
+                before = axis_rotation(joint_axis(model.joints[i + 1])[0])
+        if (R != raw.R).any() or (t != raw.t).any():
+            self.raw = Chain(R, t, raw.prismatic)
 
     def _make(self, with_tip: bool) -> None:
         raw, n = self.raw, self.raw.n
@@ -370,7 +357,9 @@ class ExactPlacements:
         tip_turn = R[n]
         rotation = [self._exact_rotation(i, R[i]) if m is None else m for i, m in enumerate(twist)]
         rotation.append(IDENTITY)
-        self.translation = self._lengths(self._slid_to_common_normals(R, t, twist, rotation))
+        moved = self._slid_to_common_normals(R, t, twist, rotation)
+        rows = ([self._length(i, x) for x in v.tolist()] for i, v in enumerate(moved))
+        self.translation: tuple[Length3, ...] = tuple((x, y, z) for x, y, z in rows)
         if with_tip:
             exact = self._signed_permutation(n, tip_turn)
             self.tip_rotation = exact or self._exact_rotation(n, tip_turn)
@@ -438,16 +427,13 @@ class ExactPlacements:
 
     def _snap_angle(self, i: int, angle: float) -> float:
         """Put ``angle`` on a multiple of 90 degrees, or (a hundred times closer) of 15 degrees."""
-        quarter = round(angle / (math.pi / 2)) * (math.pi / 2)
-        fine = round(angle / FIFTEEN) * FIFTEEN
-        nominal_angle = angle
-        if abs(angle - quarter) <= self.angle_tol:
-            nominal_angle = quarter
-        elif abs(angle - fine) <= self.fine_tol:
-            nominal_angle = fine
-        if abs(nominal_angle - angle) > FLOAT_NOISE:
-            self._note_snap(Snap(self.places[i], "angle", angle, nominal_angle))
-        return nominal_angle
+        for step, tolerance in ((math.pi / 2, self.angle_tol), (FIFTEEN, self.fine_tol)):
+            near = round(angle / step) * step
+            if abs(angle - near) <= tolerance:
+                if abs(angle - near) > FLOAT_NOISE:
+                    self._note_snap(Snap(self.places[i], "angle", angle, near))
+                return near
+        return angle
 
     def _exact_rotation(self, i: int, R: Array) -> Matrix:
         """Rz(a) Rx(alpha) Rz(b) near R, in exact numbers; b is that of the tip alone."""
@@ -481,20 +467,13 @@ class ExactPlacements:
             c, s = -s, c
         return c, s
 
-    def _lengths(self, t: list[Array]) -> tuple[Length3, ...]:
-        """The decimals that were written; below ``snap_length``, zero."""
-        rows: list[Length3] = []
-        for i, vector in enumerate(t):
-            row = []
-            for value in vector.tolist():
-                exact = Fraction(0)
-                if abs(value) >= self.snap_length:
-                    exact = shortest_decimal(value, self.noise)
-                elif abs(value) > self.noise:
-                    self.snaps.append(Snap(self.places[i], "length", value, 0.0))
-                row.append(exact)
-            rows.append((row[0], row[1], row[2]))
-        return tuple(rows)
+    def _length(self, i: int, value: float) -> Fraction:
+        """The decimal that was written; below ``snap_length``, zero."""
+        if abs(value) >= self.snap_length:
+            return shortest_decimal(value, self.noise)
+        if abs(value) > self.noise:
+            self.snaps.append(Snap(self.places[i], "length", value, 0.0))
+        return Fraction(0)
 
 
 def turn_about_z(angle: float) -> Array:
