@@ -96,13 +96,8 @@ def _module(name: str, plain: str) -> ModuleType:
 @contextlib.contextmanager
 def _without_git() -> Iterator[None]:
     """Let the package take folders of its cache as they are, whole or not, and fetch nothing."""
-    try:
-        cache = importlib.import_module(f"{PACKAGE}._cache")
-    except ModuleNotFoundError as error:
-        if error.name != f"{PACKAGE}._cache":
-            raise
-        yield
-        return
+    known = importlib.util.find_spec(f"{PACKAGE}._cache") is not None
+    cache = importlib.import_module(f"{PACKAGE}._cache") if known else SimpleNamespace()
     before = getattr(cache, _CLONE, None)
 
     def here(repo_url: str, target_dir: str, commit: str | None = None) -> SimpleNamespace:
@@ -116,23 +111,23 @@ def _without_git() -> Iterator[None]:
 
 
 def _paths(module: ModuleType, name: str) -> CatalogEntry:
-    for key in ("URDF_PATH", "XACRO_PATH", "MJCF_PATH"):
-        if (path := getattr(module, key, None)) is not None:
-            break
-    else:
-        raise RobotFileError("comes neither as a URDF, a xacro nor a MuJoCo model", Path(name))
-    if not Path(path).is_file():
-        plain = name.removeprefix(PREFIX)
-        raise RobotFileError(
-            f"is incomplete on this computer: there is no {path}. What is missing would have to be "
-            f"downloaded, which pinsing does not do; `robot_descriptions pull {plain}` does it",
-            Path(name),
-        )
+    keys = [k for k in ("URDF_PATH", "XACRO_PATH", "MJCF_PATH") if getattr(module, k, None)]
+    RobotFileError.refuse_if(
+        not keys, "comes neither as a URDF, a xacro nor a MuJoCo model", Path(name)
+    )
+    key, path = keys[0], Path(getattr(module, keys[0]))
+    RobotFileError.refuse_if(
+        not path.is_file(),
+        f"is incomplete on this computer: there is no {path}. What is missing would have to be "
+        f"downloaded, which pinsing does not do; `robot_descriptions pull "
+        f"{name.removeprefix(PREFIX)}` does it",
+        Path(name),
+    )
     arguments = getattr(module, "XACRO_ARGS", {}) if key == "XACRO_PATH" else {}
     package = getattr(module, "PACKAGE_PATH", None)
     return CatalogEntry(
         name,
-        Path(path),
+        path,
         name,
         PACKAGE,
         packages={Path(package).name: Path(package)} if package else {},

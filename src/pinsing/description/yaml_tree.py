@@ -77,20 +77,14 @@ def parse_number(text: str) -> Number | None:
     text = text.strip()
     if len(text) > 80:
         return None
-    sign = -1 if text.startswith("-") else 1
+    value, pi = Fraction(-1 if text.startswith("-") else 1), False
     text = text[1:].lstrip() if text[:1] in ("-", "+") else text
-    value, pi = Fraction(sign), False
     parts = _OPERATOR.split(text)
     for operator, factor in zip(["*", *parts[1::2]], parts[0::2], strict=True):
-        if factor == "pi":
-            if pi or operator == "/":
-                return None
+        if factor == "pi" and operator == "*" and not pi:
             pi = True
-        elif _NUMBER.fullmatch(factor):
-            number = Fraction(factor)
-            if operator == "/" and number == 0:
-                return None
-            value = value * number if operator == "*" else value / number
+        elif _NUMBER.fullmatch(factor) and (operator == "*" or Fraction(factor)):
+            value = value * Fraction(factor) if operator == "*" else value / Fraction(factor)
         else:
             return None
     return Number(value, pi)
