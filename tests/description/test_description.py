@@ -350,8 +350,9 @@ def test_bad_shape_is_left_out(case, tag, read):
     assert len(shapes.geometryObjects) == 1
 
 
-def test_what_kinematics_does_not_need_never_stops_it(read):
-    inner = LIMIT + '<dynamics damping="x"/><safety_controller/><calibration rising="y"/>'
+@pytest.mark.parametrize("dynamics", ['damping="x"', 'friction="-1"', 'damping="-1e-9"'])
+def test_what_kinematics_does_not_need_never_stops_it(read, dynamics):
+    inner = LIMIT + f'<dynamics {dynamics}/><safety_controller/><calibration rising="y"/>'
     extra = (
         '<material name="m"><color rgba="0 0 9 1"/></material>'
         '<material name="m"><color/></material>'

@@ -331,7 +331,6 @@ class FoundMeshes:
     xml: str  # plain URDF. Its meshes and textures exist, as file:// addresses; others are left out
     # mesh and texture addresses, as in the file, that do not exist or may not be opened
     missing: tuple[str, ...]
-    packages: tuple[Path, ...]  # folders of the packages that they were found in
     notes: tuple[str, ...]  # what is not drawn, in at most two notes
 
 
@@ -397,7 +396,7 @@ class Shapes:
                     f"{show(some[0], 90)} ({missing[some[0]]})"
                 )
         xml = ElementTree.tostring(root, "unicode")
-        return FoundMeshes(xml, tuple(missing), self.index.used(), tuple(notes))
+        return FoundMeshes(xml, tuple(missing), tuple(notes))
 
     def __getstate__(self) -> dict[str, object]:
         return {"text": self.text, "index": self.index, "found": self.found}

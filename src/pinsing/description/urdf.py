@@ -271,16 +271,20 @@ def check_mimics(
         if entry.mimic is None or (followed is not None and followed.kind in _FOLLOWED):
             continue
         # Two of the robots in example-robot-data have such fingers.
-        near = [e.name for e in entries] if len(entries) <= 500 and followed is None else []
-        close = difflib.get_close_matches(entry.mimic.joint[:60], near, n=1)
+        known = [e.name for e in entries] if followed is None else []
         which = "does not exist" if followed is None else f"is {followed.kind}"
-        cure = f"did you mean {show(close[0])}?" if close else "correct the name"
+        cure = _meant(entry.mimic.joint, known, "correct the name")
         reason = f"mimics joint {show(entry.mimic.joint)}, which {which}: {cure}"
         source.note("mimics a joint that does not exist or move: joint", show(entry.name))
         element = places[entry.name]
         element.children[:] = [c for c in element.children if c.tag != "mimic"]
         by_name[entry.name] = replace(entry, mimic=None, problem=entry.problem or reason)
     return tuple(by_name.values())
+
+
+def _meant(name: str, known: Sequence[str], otherwise: str) -> str:
+    close = difflib.get_close_matches(name[:60], known, n=1) if len(known) <= 500 else []
+    return f"did you mean {show(close[0])}?" if close else otherwise
 
 
 def check_link(node: Node, source: UrdfSource) -> tuple[str, Node]:
@@ -414,10 +418,9 @@ def check_tree(
     for joint, node in zip(joints, nodes, strict=True):
         for end, link in (("parent", joint.parent), ("child", joint.child)):
             if link not in known:
-                close = difflib.get_close_matches(link, links, n=1) if len(links) <= 500 else []
-                hint = f": did you mean {show(close[0])}?" if close else ": no link has that name"
+                hint = _meant(link, links, "no link has that name")
                 raise source.error(
-                    f"joint {show(joint.name)}: unknown {end} link {show(link)}{hint}", node
+                    f"joint {show(joint.name)}: unknown {end} link {show(link)}: {hint}", node
                 )
         source.refuse_if(
             joint.parent == joint.child,

@@ -6,6 +6,7 @@ each link in the one before, a translation in metres and a rotation Rz(yaw) Ry(p
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -54,14 +55,11 @@ def calibrated(arm: Arm, file: str | os.PathLike[str]) -> Arm:
     placed = [_placement(links[name]) for name in LINKS]
     R, t = np.array([m.rotation for m in placed]), np.array([m.translation for m in placed])
     raw = Chain(np.append(R, np.eye(3)[None], 0), np.append(t, np.zeros((1, 3)), 0), arm.prismatic)
-    design, own = flatten(arm), pin.SE3.Identity()
+    design, start = flatten(arm), pin.SE3.Identity()
     # Frames of the two differ by right angles at the base and at the tip.
     turn = np.rint(alignment(axes(design), axes(raw))[0])
-    flange = pin.SE3.Identity()
-    for C, c in zip(design.R, design.t, strict=True):
-        own = own * pin.SE3(C, c)
-    for m in placed:
-        flange = flange * m
+    own = math.prod(map(pin.SE3, design.R, design.t), start=start)
+    flange = math.prod(placed, start=start)
     R, t = raw.R.copy(), raw.t.copy()
     R[0], t[0] = turn @ R[0], turn @ t[0]
     R[-1] = np.rint((turn @ flange.rotation).T @ own.rotation)

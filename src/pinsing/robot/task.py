@@ -78,17 +78,21 @@ class Task:
 def parse_task(task: str | Iterable[str] | Task, tool_axis: str | None = None) -> Task:
     """Return the Task of a name or rows; ``tool_axis``: which of the tip's turns freely."""
     if tool_axis is not None:
-        return _about(task, tool_axis)
+        wrong = f"unknown tool axis {tool_axis!r}: use x, y or z"
+        OptionError.refuse_if(tool_axis not in TOOL_AXES, wrong)
+        name = task.name if isinstance(task, Task) else task
+        wrong = f"a tool axis is for task {TOOL_AXIS}, and the task is {task}"
+        OptionError.refuse_if(name != TOOL_AXIS, wrong)
+        return _tool_axis(tool_axis)
     if isinstance(task, Task):
         return task
     if isinstance(task, str):
         name = task.strip()
         if name in _NAMED:
             return Task(name, _NAMED[name])
-        if name == TOOL_AXIS:
-            return _tool_axis("z")
-        if name.startswith(f"{TOOL_AXIS}-") and name[len(TOOL_AXIS) + 1 :] in TOOL_AXES:
-            return _tool_axis(name[len(TOOL_AXIS) + 1 :])
+        about = {TOOL_AXIS: "z"} | {f"{TOOL_AXIS}-{axis}": axis for axis in TOOL_AXES}
+        if name in about:
+            return _tool_axis(about[name])
         names = [part.strip() for part in task.split(",")]
     else:
         names = [str(part).strip() for part in task]
@@ -104,15 +108,6 @@ def parse_task(task: str | Iterable[str] | Task, tool_axis: str | None = None) -
     return _task(tip)
 
 
-def _about(task: str | Iterable[str] | Task, axis: str) -> Task:
-    OptionError.refuse_if(axis not in TOOL_AXES, f"unknown tool axis {axis!r}: use x, y or z")
-    OptionError.refuse_if(
-        (task.name if isinstance(task, Task) else task) != TOOL_AXIS,
-        f"a tool axis is for task {TOOL_AXIS}, and the task is {task}",
-    )
-    return _tool_axis(axis)
-
-
 def _tool_axis(axis: str) -> Task:
     free = 3 + TOOL_AXES.index(axis)
     return _task({r: True for r in range(6) if r != free})
@@ -126,9 +121,9 @@ def _task(tip: dict[int, bool]) -> Task:
     together = any(tip[r] for r in partly) and all(tip[r] for r in partly)
     flags = tuple(tip[r] if r in partly else together for r in rows)
     at_tip = flags if any(flags) else ()
-    for name, named in _NAMED.items():
-        if rows == named and not at_tip:
-            return Task(name, rows)
+    plain = {named: name for name, named in _NAMED.items()}
+    if rows in plain and not at_tip:
+        return Task(plain[rows], rows)
     task = Task("", rows, at_tip)
     if len(rows) == 5 and task.tool_axis is not None:
         axis = TOOL_AXES[task.tool_axis]
