@@ -12,7 +12,7 @@ from tiers import sampled, tiered
 from urdf_texts import LIMIT, joint, robot
 
 from pinsing.description.catalog import data_folder
-from pinsing.description.urdf import Description, read_description
+from pinsing.description.urdf import read_description
 from pinsing.errors import PinsingError, RobotFileError, UnknownNameError
 from pinsing.robot.models import build_model
 
@@ -359,22 +359,18 @@ def test_what_kinematics_does_not_need_never_stops_it(read, dynamics):
         '<gazebo><a b="nan"/></gazebo><transmission><joint name="?"/></transmission>'
     )
     link = '<link name="a"><inertial><mass value="1"/></inertial></link>'
-    text = robot(joint(inner=inner), links="bc", extra=extra + link, head='name="r" version="7"')
-    found = read(text)
+    head = 'name="r" version="7"'
+    found = read(robot(joint(inner=inner), links="bc", extra=extra + link, head=head))
     assert any("unreadable <dynamics>" in note for note in found.notes)
     assert any("incomplete <inertial>" in note for note in found.notes)
     assert build_model(found).nv == 2
-
-
-def with_text(found: Description, text: str) -> Description:
-    return replace(found, shapes=replace(found.shapes, text=text))
 
 
 def test_build_model_is_silent_and_names_what_it_cannot_build(read, capfd):
     found = read(robot())
     build_model(found)
     assert capfd.readouterr() == ("", "")
-    broken = with_text(found, robot(joint(inner="")))
+    broken = replace(found, shapes=replace(found.shapes, text=robot(joint(inner=""))))
     with pytest.raises(RobotFileError, match=r"arm\.urdf: Pinocchio cannot build it: [^\n]+$"):
         build_model(broken)
 
