@@ -142,6 +142,23 @@ def from_model(
     )
 
 
+def cross(a: np.ndarray, b: np.ndarray) -> float:
+    """Of vectors in a plane."""
+    return float(a[0] * b[1] - a[1] * b[0])
+
+
+def circles(c1: Any, r1: float, c2: Any, r2: float) -> list[np.ndarray]:
+    """Intersections of two circles, by hand."""
+    c1, c2 = np.asarray(c1, dtype=float), np.asarray(c2, dtype=float)
+    d = np.linalg.norm(c2 - c1)
+    a = (r1**2 - r2**2 + d**2) / (2 * d)
+    if r1**2 < a**2:
+        return []
+    h = np.sqrt(r1**2 - a**2)
+    u = (c2 - c1) / d
+    return [c1 + a * u + s * h * np.array([-u[1], u[0]]) for s in (1, -1)]
+
+
 def paper_point(q1: float, q2: float) -> tuple[float, float]:
     """P of the paper's 5R as Section 3.2.3 prints it: the upper intersection."""
     e = R1 * (np.sin(q1) - np.sin(q2)) / (2 * R3 + R1 * np.cos(q2) - R1 * np.cos(q1))

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from mechanisms import left_sides, value
+from mechanisms import circles, cross, left_sides, value
 from tiers import tiered_rows
 from urdf_text import J, X, frame, loop_text, written
 
@@ -24,21 +24,6 @@ PLANES = {
     "oblique": ((0.3, 0.4, 0.5), "vx, vy, vz"),
 }
 AT = np.array([0.1, 0.2, 0.3])
-
-
-def cross(a: np.ndarray, b: np.ndarray) -> float:
-    return float(a[0] * b[1] - a[1] * b[0])
-
-
-def crossings(B1: np.ndarray, B2: np.ndarray, a: float, b: float) -> list[np.ndarray]:
-    """Where circles of radii a and b meet."""
-    gap = B2 - B1
-    d = float(np.hypot(*gap))
-    x = (d * d + a * a - b * b) / (2 * d)
-    if x * x > a * a:
-        return []
-    up = np.array([-gap[1], gap[0]]) / d
-    return [B1 + x * gap / d + s * math.sqrt(a * a - x * x) * up for s in (1, -1)]
 
 
 class FiveBar:
@@ -135,7 +120,8 @@ def test_loci_and_modes(tmp_path: Path, kinds: str, cut: str, plane: str) -> Non
             float(rng.uniform(-1.5, 1.5) if kind == "R" else rng.uniform(-0.4, 0.4))
             for kind in kinds
         )
-        expected = crossings(*bar.elbows(m), *bar.rods)
+        (one, two), (a, b) = bar.elbows(m), bar.rods
+        expected = circles(one, a, two, b)
         found = pinsing.loops.assembly_modes(bar.mechanism, [m[1], m[0]])
         assert len(found.modes) == len(expected)
         if not expected:
@@ -176,7 +162,7 @@ def test_a_rod_across_its_slide_is_singular_and_beside_it_not(tmp_path: Path, cu
         angle = math.pi / 2 + beside
         away = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
         P = bar.feet[1] + m1 * rail + bar.rods[1] * away @ rail
-        B = crossings(bar.feet[0], P, bar.cranks[0], bar.rods[0])[0]
+        B = circles(bar.feet[0], bar.cranks[0], P, bar.rods[0])[0]
         m0 = bar.senses[0] * (math.atan2(*(B - bar.feet[0])[::-1]) - bar.yaw[0])
         found = pinsing.loops.assembly_modes(bar.mechanism, [m1, m0])
         mode = min(

@@ -10,6 +10,8 @@ from mechanisms import (
     R3,
     URDF,
     analyzed,
+    circles,
+    cross,
     four_bar,
     from_model,
     paper_matrices,
@@ -70,22 +72,6 @@ def every() -> list[Mechanism]:
     return [*(shipped(name) for name in MODELS), welded(), four_bar(0.4, 0.1, 0.35, 0.3)]
 
 
-def cross(a, b):
-    return a[0] * b[1] - a[1] * b[0]
-
-
-def circles(c1, r1, c2, r2):
-    """Intersections of two circles, by hand."""
-    c1, c2 = np.asarray(c1, dtype=float), np.asarray(c2, dtype=float)
-    d = np.linalg.norm(c2 - c1)
-    a = (r1**2 - r2**2 + d**2) / (2 * d)
-    if r1**2 < a**2:
-        return []
-    h = np.sqrt(r1**2 - a**2)
-    u = (c2 - c1) / d
-    return [c1 + a * u + s * h * np.array([-u[1], u[0]]) for s in (1, -1)]
-
-
 # -- the model -----------------------------------------------------------------------------------
 
 
@@ -133,23 +119,19 @@ def test_input_output_relation_holds_along_real_motions(rng):
         np.testing.assert_allclose(np.linalg.norm(A, axis=1), 1)
 
 
-def singular_q2_by_hand(q1: float, assembly: int | None = None) -> list[float]:
+def singular_q2_by_hand(q1: float, assembly: int) -> list[float]:
     """Type 1 of the 5R at q1: P on the line of one leg; B2 where two circles meet."""
     A1, A2 = np.array([-R3, 0]), np.array([R3, 0])
     out = []
     for sign in (1, -1):
         P = A1 + (R1 + sign * R2) * np.array([np.cos(q1), np.sin(q1)])
         B1 = A1 + R1 * np.array([np.cos(q1), np.sin(q1)])
-        for B2 in circles(A2, R1, P, R2):
-            side = cross(B2 - B1, P - B1) > 0
-            if assembly is None or side == (assembly > 0):
-                out.append(float(np.arctan2(B2[1], B2[0] - R3)))
+        found = [(P, B2) for B2 in circles(A2, R1, P, R2)]
         # Leg 2 in line: P at R1 +- R2 from A2, and at R2 from B1.
-        for P in circles(A2, R1 + sign * R2, B1, R2):
-            B2 = A2 + (P - A2) * R1 / (R1 + sign * R2)
-            side = cross(B2 - B1, P - B1) > 0
-            if assembly is None or side == (assembly > 0):
-                out.append(float(np.arctan2(B2[1], B2[0] - R3)))
+        ends = circles(A2, R1 + sign * R2, B1, R2)
+        found += [(P, A2 + (P - A2) * R1 / (R1 + sign * R2)) for P in ends]
+        here = [B2 for P, B2 in found if (cross(B2 - B1, P - B1) > 0) == (assembly > 0)]
+        out += [float(np.arctan2(B2[1], B2[0] - R3)) for B2 in here]
     return sorted(out)
 
 
