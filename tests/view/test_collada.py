@@ -148,7 +148,7 @@ def test_a_cache_of_something_else_is_not_taken(tmp_path, monkeypatch):
     one, *others = read(collada())[0]
     strangers = [b"x", whole[:-30], packed([one]), packed([(one.ravel(), *others)])]
     for data in [*strangers, packed([(*read(collada())[0][:4], np.array([np.nan]))])]:
-        monkeypatch.setattr(meshes, "kept", lambda folder, key, data=data: data)
+        monkeypatch.setattr(meshes, "kept", lambda file, data=data: meshes.unpacked(data))
         (part,) = read_painted(file)
         assert len(part.faces) == 2
 

@@ -196,6 +196,10 @@ class Typed(ParamType):
     ) -> None:
         self.name, self.read, self.degrees = name, read, degrees
 
+    def get_metavar(self, *_: Any, **__: Any) -> str:
+        """The name as it is."""
+        return self.name
+
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Read a text; a default may be a value already."""
         if not isinstance(value, str) or param is None or ctx is None:

@@ -87,45 +87,39 @@ def read_meshes(
 
     ``tell`` gets a line on which of the kernel's walls around the child is missing.
     """
-    found: dict[Path, Mesh | str] = {}
-    left = []
+    found: dict[Path, Mesh | str | None] = {}
+    folder = cache_folder()
+    files: dict[Path, Path] = {}  # where answers are kept
     for path in paths:
-        try:
-            large = path.stat().st_size > 256 * 2**20
-            if large or not path.is_file():
-                found[path] = "is too large" if large else "is not a plain file"
-            else:
-                left.append(path)
-        except OSError as error:
-            found[path] = f"cannot be read: {error.strerror}"
-    folder = cache_folder() if left else None
-    keys = {path: key for path in left if folder and (key := content_key(path))}
-    for path, key in keys.items():
-        assert folder is not None
-        before = kept(folder, key)
-        mesh = None if before is None else unpacked(before)
-        if mesh is not None:
-            found[path] = mesh
-    left = [path for path in left if path not in found]
+        found[path] = _unfit(path)
+        if found[path] is None and folder is not None and (key := content_key(path)):
+            files[path] = folder / key
+            found[path] = kept(files[path])
+    left = [path for path in paths if found[path] is None]
     missing: list[str] = []
     while left:
-        done = _ask_child(left, missing)
-        if len(done) == 0:  # the child did not even start
-            found.update(dict.fromkeys(left, "the reader of meshes cannot be started"))
-            break
+        ended = "the reader of meshes cannot be started"
+        done = _ask_child(left, missing) or dict.fromkeys(left, ended)
         left = left[len(done) :]
         for path, answered in done.items():
-            if isinstance(answered, str):
-                found[path] = answered
-                continue
-            mesh = unpacked(answered)
+            mesh = answered if isinstance(answered, str) else unpacked(answered)
             found[path] = "breaks its reader" if mesh is None else mesh
-            if folder is not None and path in keys:
-                keep(folder, keys[path], answered)
+            if path in files and mesh is not None and isinstance(answered, bytes):
+                keep(files[path], answered)
     if missing:
         walls = "; ".join(dict.fromkeys(missing))
         tell(f"meshes were read without all of the kernel's walls: {walls}")
-    return {path: found[path] for path in paths}
+    return {path: mesh for path, mesh in found.items() if mesh is not None}
+
+
+def _unfit(path: Path) -> str | None:
+    """Why a file is not read at all; None if it may be."""
+    try:
+        if path.stat().st_size > 256 * 2**20:
+            return "is too large"
+    except OSError as error:
+        return f"cannot be read: {error.strerror}"
+    return None if path.is_file() else "is not a plain file"
 
 
 def _ask_child(paths: Sequence[Path], missing: list[str]) -> dict[Path, bytes | str]:
@@ -214,27 +208,27 @@ def content_key(path: Path) -> str:
     return digest.hexdigest()
 
 
-def kept(folder: Path, key: str) -> bytes | None:
-    """An answer that was kept; None where nothing whole is there."""
+def kept(file: Path) -> Mesh | None:
+    """The mesh of an answer that was kept; None where nothing whole is there."""
     try:
-        data = (folder / key).read_bytes()
+        data = file.read_bytes()
     except OSError:
         return None
     digest, body = data[:32], data[32:]
     if hashlib.sha256(body).digest() != digest:
         return None
     with contextlib.suppress(OSError):
-        os.utime(folder / key)  # the longest unused go first
-    return body
+        os.utime(file)  # the longest unused go first
+    return unpacked(body)
 
 
-def keep(folder: Path, key: str, body: bytes) -> None:
+def keep(file: Path, body: bytes) -> None:
     """Keep an answer; a full disk, or one that cannot be written, is no error."""
     if len(body) > 64 * 2**20:
         return
     with contextlib.suppress(OSError, PinsingError):
-        write_bytes(folder / key, hashlib.sha256(body).digest() + body)
-        files = [(path, path.stat()) for path in folder.iterdir() if path.is_file()]
+        write_bytes(file, hashlib.sha256(body).digest() + body)
+        files = [(path, path.stat()) for path in file.parent.iterdir() if path.is_file()]
         total = sum(found.st_size for _, found in files)
         for path, found in sorted(files, key=lambda f: f[1].st_mtime):
             if total <= 512 * 2**20:
