@@ -560,6 +560,7 @@ def test_the_command_writes_a_path_that_check_takes(ur5, tmp_path):
     assert done.exit_code == 0, done.output
     assert json.loads(done.stdout)["clearance"] > 0.7
     assert out.read_text().splitlines()[0].split(",") == [f"{j} (deg)" for j in arm.joints]
+    assert run(*arguments, "--deg", "-o", "-.csv").stdout.endswith(out.read_text())
     assert picture.stat().st_size > 10_000
     for units in ([], ["--deg"]):
         check = run("check", "ur5", str(out), *units)

@@ -78,7 +78,8 @@ def variant_of(name: str, words: Sequence[str]) -> tuple[str, list[str]]:
         command, flag = variant.split()
         if command == name and flag in words:
             return variant, [word for word in words if word != flag]
-    if name == "export" and _written(words).lower().endswith(".urdf"):
+    written = [b for a, b in itertools.pairwise(words) if a in ("-o", "--output")]
+    if name == "export" and written and written[0].lower().endswith(".urdf"):
         return "export --urdf", list(words)
     if name == "list" and words and _is_robot(words[0]):
         return "list --info", list(words)
@@ -86,11 +87,6 @@ def variant_of(name: str, words: Sequence[str]) -> tuple[str, list[str]]:
     if name == "postures" and words and not asks and not any(w.startswith("--q") for w in words):
         return "postures --aspects", list(words)
     return name, list(words)
-
-
-def _written(words: Sequence[str]) -> str:
-    """The file after ``-o``."""
-    return next((b for a, b in itertools.pairwise(words) if a in ("-o", "--output")), "")
 
 
 def _is_robot(word: str) -> bool:

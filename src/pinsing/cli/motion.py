@@ -61,6 +61,7 @@ from pinsing.cli.output import (
     emit_lines,
     followed,
     off_screen,
+    put,
     run_progress,
     save_figure,
     say,
@@ -920,13 +921,11 @@ def path_command(
             columns, names = np.column_stack([t, columns]), ["t", *names]
         text = io.StringIO()
         np.savetxt(text, columns, fmt="%.12g", delimiter=",", header=",".join(names), comments="")
-        _write(csv, text.getvalue())
-        if csv != STDOUT:
-            say(f"wrote {csv}")
-            if json_target != STDOUT:
-                file, page = (shlex.quote(str(f)) for f in (csv, Path(csv).with_suffix(".html")))
-                check = f"pinsing check {request.words} {file} {'--deg' if deg else '--rad'}"
-                emit_lines(f"  Next, to play the path: {check} -o {page}")
+        put(text.getvalue(), csv)
+        if STDOUT not in (csv, json_target):
+            file, page = (shlex.quote(str(f)) for f in (csv, Path(csv).with_suffix(".html")))
+            check = f"pinsing check {request.words} {file} {'--deg' if deg else '--rad'}"
+            emit_lines(f"  Next, to play the path: {check} -o {page}")
     elif json_target != STDOUT:
         emit_lines("  Next: the same with -o joints.csv, which writes the joint values")
     if plot is not None:
@@ -935,15 +934,6 @@ def path_command(
 
         save_figure(path_sheet(plan, form), plot)
     return 0
-
-
-def _write(target: str | Path, text: str) -> None:
-    if target == STDOUT:
-        emit_lines(text.rstrip("\n"))
-    else:
-        from pinsing.atomic_write import write_text
-
-        write_text(target, text)
 
 
 def _typed(T: Array, degrees: bool) -> str:

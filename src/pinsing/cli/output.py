@@ -293,7 +293,10 @@ def served_ahead(name: str, host: str, port: int | None, no_open: bool) -> Itera
     try:
         click.echo(server.url)
         sys.stdout.flush()
-        if not no_open and not (_has_desktop() and webbrowser.open(server.url, new=2)):
+        # Without a desktop Python would start a text browser in this very terminal.
+        asked = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+        desktop = asked or not sys.platform.startswith("linux")
+        if not no_open and not (desktop and webbrowser.open(server.url, new=2)):
             say("no browser could be opened; open the address above in one")
         given = True
         yield server
@@ -354,13 +357,6 @@ def show_page(
                 lead(tab)
             while True:
                 time.sleep(3600)
-
-
-def _has_desktop() -> bool:
-    # Without one, Python would start a text browser in this very terminal.
-    if sys.platform.startswith("linux"):
-        return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
-    return True
 
 
 def picture_size(text: str, option: str, degrees: bool | None = None) -> tuple[int, int]:

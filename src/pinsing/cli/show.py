@@ -283,7 +283,9 @@ def plot_command(
         axes = plot.aspect_plane(arm, *(joints or ()), **plane)
     elif kind == "locus":
         third, values = (None, None) if each is None else each(arm)
-        family = _only(shown or [], only[0])
+        family, *others = shown or []
+        names = " or ".join(one.name for one in shown or [])
+        OptionError.refuse_if(others, f"several families are called {only[0]!r}: choose {names}")
         axes = plot.locus(arm, family, *(joints or ()), third=third, values=values, **plane)
     elif kind == "solutions":
         axes = plot.inverse_count(arm, limits=not ignore_limits)
@@ -323,13 +325,6 @@ def _families(arm: Arm, names: tuple[str, ...]) -> list[families.Family]:
     from pinsing.proximity.clearance import watch
 
     return list(watch(families.closed_form(arm, prove=False), names).families)
-
-
-def _only(found: list[families.Family], name: str) -> families.Family:
-    """The one family of a name or title."""
-    names = " or ".join(family.name for family in found)
-    OptionError.refuse_if(len(found) > 1, f"several families are called {name!r}: choose {names}")
-    return found[0]
 
 
 PAGES = ("inside", "beside", "none")
