@@ -36,16 +36,13 @@ def stanford_sweep() -> SweepResult:
 
 
 def labels(ax: Axes) -> list[str]:
-    legend = ax.get_legend()
-    return [] if legend is None else [t.get_text() for t in legend.get_texts()]
+    return [t.get_text() for t in ax.get_legend().get_texts()] if ax.get_legend() else []
 
 
 def is_outside(ax: Axes) -> bool:
     """Whether the legend keeps off the data."""
     ax.figure.canvas.draw()
-    legend = ax.get_legend()
-    assert legend is not None
-    return not legend.get_window_extent().overlaps(ax.get_window_extent())
+    return not ax.get_legend().get_window_extent().overlaps(ax.get_window_extent())
 
 
 # Curves -----------------------------------------------------------------------------

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -50,6 +50,7 @@ from pinsing.cli.options import (
 )
 from pinsing.cli.output import (
     STDOUT,
+    F,
     Place,
     emit,
     emit_json,
@@ -68,7 +69,6 @@ if TYPE_CHECKING:
     from pinsing.families.solve import Prove
     from pinsing.robot.arm import Arm
 
-F = TypeVar("F", bound=Callable[..., Any])
 
 RAW_ANGLE_TOL = 1e-10
 """Radians: with --raw, only float noise is taken out of the angles that tests are run on."""

@@ -17,11 +17,11 @@ import os
 import re
 import shlex
 import signal
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
@@ -54,6 +54,7 @@ from pinsing.cli.options import (
 )
 from pinsing.cli.output import (
     STDOUT,
+    F,
     doing,
     emit,
     emit_json,
@@ -150,7 +151,6 @@ def zones_command(
         emit_lines(answer.text(in_degrees(deg)))
 
 
-F = TypeVar("F", bound=Callable[..., Any])
 _ANGLE = re.compile(r"\s*([0-9.eE+-]+)\s*(deg|°|rad)?\s*")
 
 

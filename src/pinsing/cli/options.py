@@ -10,32 +10,34 @@ import shlex
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
 from pinsing.atomic_write import check_writable
 from pinsing.cli import completion
-from pinsing.cli.output import STDOUT, in_radians, read_json, say
+from pinsing.cli.output import STDOUT, F, in_radians, read_json, say
 from pinsing.errors import ConfigurationError, OptionError, OutputError, PinsingError, ResultError
 
-
-def _loop_file(robot: str) -> Path:
-    """``NAME.loops.yaml`` beside the file of a robot, whether it exists or not."""
-    from pinsing.description.catalog import locate_robot
-
-    found = locate_robot(robot)
-    return _beside(found if isinstance(found, Path) else found.path)
+if TYPE_CHECKING:
+    from pinsing.measures import Array
+    from pinsing.proximity.zones import Zones
+    from pinsing.robot.arm import Arm
 
 
 def loops_beside(robot: str) -> Path:
     """The loop file that ``--loops`` alone means."""
-    path = None if robot.lstrip().startswith("<") else _loop_file(robot)
-    if path is None or not path.is_file():
-        where = "" if path is None else f": there is no {path}"
-        raise OptionError(f"--loops needs the name of a loop file{where}; give --loops FILE.yaml")
-    return path
+    from pinsing.description.catalog import locate_robot
+
+    where = ""
+    if not robot.lstrip().startswith("<"):
+        found = locate_robot(robot)
+        path = _beside(found if isinstance(found, Path) else found.path)
+        if path.is_file():
+            return path
+        where = f": there is no {path}"
+    raise OptionError(f"--loops needs the name of a loop file{where}; give --loops FILE.yaml")
 
 
 def loops_at_hand(robot: str) -> Path | None:
@@ -61,17 +63,6 @@ def loops_at_hand(robot: str) -> Path | None:
 def _beside(file: Path) -> Path:
     return file.parent / f"{file.name.partition('.')[0]}.loops.yaml"
 
-
-if TYPE_CHECKING:
-    from pinsing.measures import Array
-    from pinsing.proximity.zones import Zones
-    from pinsing.robot.arm import Arm
-
-    ParamType = click.ParamType[Any]
-else:
-    ParamType = click.ParamType  # not generic in older releases
-
-F = TypeVar("F", bound=Callable[..., Any])
 
 _PI = re.compile(r"([+-]?)(?:(\d+(?:\.\d+)?)\s*\*?\s*)?pi(?:\s*/\s*(\d+(?:\.\d+)?))?")
 
@@ -181,7 +172,7 @@ def _same_file(path: Path, robot: str) -> bool:
         return False
 
 
-class Typed(ParamType):
+class Typed(click.ParamType):  # type: ignore[type-arg,unused-ignore]
     """What people type for an option, and ``read``, which makes a value of it.
 
     ``read`` takes the text, the option, and what is said of angles: True for degrees, False for
