@@ -22,7 +22,7 @@ from typing import Any
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.generic_points import SlicePoint
-from pinsing.algebra.mimic import Drive, driven_by, drives
+from pinsing.algebra.mimic import driven_by, drives
 from pinsing.algebra.ring import MadeOnce, Matrix, Monomial, Poly, Ring, Value
 from pinsing.robot.nominal import Matrix as Rotation, Nominal
 from pinsing.robot.surd import Exact
@@ -603,17 +603,14 @@ class NearMinors:
     def _whole(self) -> Matrix:
         return jacobian_matrix(self.geometry, self.ring, self.task, self.time)
 
-    @cached_property
-    def _driven(self) -> tuple[Drive, ...]:
-        return drives(self.geometry)[0]
-
     def minor(self, joints: Sequence[int], values: Mapping[int, Value]) -> Poly:
         """Return the minor of columns ``joints``, without units; NotSquare if there are several."""
         joints = sorted(joints)
         matter = set(values)
         if self.task.name == "pose":
-            rows = [row for a in joints for row in driven_by(self._driven, a)]
-            matter = {d.leader for d in self._driven[min(rows) + 1 : max(rows)]}
+            driven, _ = drives(self.geometry)
+            rows = [row for a in joints for row in driven_by(driven, a)]
+            matter = {d.leader for d in driven[min(rows) + 1 : max(rows)]}
         inside = {j: v for j, v in values.items() if j in matter}
         key = (tuple(joints), frozenset(inside.items()))
         if key not in self._known:

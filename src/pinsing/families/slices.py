@@ -27,10 +27,10 @@ from __future__ import annotations
 import math
 import random
 from collections import Counter, defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from itertools import combinations
+from itertools import combinations, islice
 from typing import Any
 
 import numpy as np
@@ -868,60 +868,59 @@ class SliceSearch:
 
     def _cut(self, c: Component) -> list[Component]:
         """A system with one equation more: each factor of a short minor that is not zero on it."""
-        time = self.time.part(_FOR_VALUES)
-        rank, n = len(self.task.rows), len(self.ring.prismatic)
-        minors = NearMinors(self.geometry, self.ring, self.task, rank, time)
-        found: list[list[Poly]] = []
-        try:
-            for some in sorted(combinations(range(n), rank), key=lambda s: s[-1] - s[0]):
-                # Minors that are not zero on a system, among which the shortest cuts it.
-                if len(found) >= 3:
-                    break
-                minor = minors.minor(some, c.values)
-                if minor != 0 and not any(self.ring.divides(r, minor) for r in c.relations):
-                    found.append(self.ring.factors(minor, time))
-        except (BudgetExceeded, NotSquare):
-            pass
-        shortest = min(found, key=lambda fs: max(map(len, fs), default=0), default=[])
+        factored = self._factored(c.values, self.time.part(_FOR_VALUES))
+        new = (
+            factors
+            for minor, factors in factored
+            if minor != 0 and not any(self.ring.divides(r, minor) for r in c.relations)
+        )
+        # Minors that are not zero on a system, among which the shortest cuts it.
+        some = islice(new, 3)
+        shortest = min(some, key=lambda fs: max(map(len, fs), default=0), default=[])
         cuts = (Component(c.values, (*c.relations, f), False, c.codimension + 1) for f in shortest)
         return [settled(cut, self.ring) for cut in cuts]
 
-    def _values(self) -> dict[int, list[Value]]:
-        """Values of each joint at which axes are special: quarter turns, and factors of minors."""
-        if self._special:
-            return self._special
-        one, none = Fraction(1), Fraction(0)
-        turns: list[Value] = [(one, none), (none, one), (one, one), (one, -one)]
-        n = len(self.ring.prismatic)
-        found: dict[int, dict[Value, None]] = {
-            j: dict.fromkeys([(none,)] if self.ring.prismatic[j] else turns) for j in range(n)
-        }
-        until = self.time.part(_FOR_VALUES)
-        rank = len(self.task.rows)
+    def _factored(
+        self, values: Mapping[int, Value], time: Budget
+    ) -> Iterator[tuple[Poly, list[Poly]]]:
+        """Minors of near joints at values, the nearest first, and their factors."""
+        rank, n = len(self.task.rows), len(self.ring.prismatic)
+        minors = NearMinors(self.geometry, self.ring, self.task, rank, time)
         for some in sorted(combinations(range(n), rank), key=lambda c: c[-1] - c[0]):
-            if until.stop():
-                break
-            # Seconds that one of them may take.
-            one_of = until.at_most(0.2)
-            minors = NearMinors(self.geometry, self.ring, self.task, rank, one_of)
+            if time.stop():
+                return
+            minors.time = time.at_most(0.2)  # seconds that one of them may take
             try:
-                minor = minors.minor(some, {})
-                one_of.check_factor(len(minor))
-                factors = self.ring.factors(minor) if minor != 0 else []
+                minor = minors.minor(some, values)
+                minors.time.check_factor(len(minor))
+                yield minor, self.ring.factors(minor) if minor != 0 else []
             except (BudgetExceeded, NotSquare):
                 continue
-            for f in factors:
-                if (fixed := self.ring.joint_value(f)) is not None:
-                    found[fixed[0]][fixed[1]] = None
-        self._special = {j: list(values) for j, values in found.items()}
+
+    def _values(self) -> dict[int, list[Value]]:
+        """Values of each joint at which axes are special: quarter turns, and factors of minors."""
+        if not self._special:
+            one, none = Fraction(1), Fraction(0)
+            turns: list[Value] = [(one, none), (none, one), (one, one), (one, -one)]
+            found: dict[int, dict[Value, None]] = {
+                j: dict.fromkeys([(none,)] if slides else turns)
+                for j, slides in enumerate(self.ring.prismatic)
+            }
+            for _, factors in self._factored({}, self.time.part(_FOR_VALUES)):
+                for joint, value in filter(None, map(self.ring.joint_value, factors)):
+                    found[joint][value] = None
+            self._special = {j: list(values) for j, values in found.items()}
         return self._special
 
     def _search(self, values: Mapping[int, Value]) -> None:
         """All components at a joint's value, or, if they are new, those that neighbours tell."""
-        # Share of what time is left that the search by neighbours at one value may take.
-        if self.near is not None and self._add(self.near(values, self.time.part(0.1))):
-            return
-        # Share of what time is left that the search at one value may take.
+        # Shares of what time is left that the search at one value may take, by neighbours and else.
+        if self.near is not None:
+            before = self.components
+            found = self.near(values, self.time.part(0.1))
+            self.components = merged(before, found, self.ring)
+            if self.components != before:
+                return
         time = self.time.part(0.4)
         try:
             if self._matrix is None:
@@ -931,12 +930,6 @@ class SliceSearch:
         put = self.ring.putting(values)
         matrix = [[put(x) for x in row] for row in self._matrix]
         given = len(self.task.rows), self.ring, time, (values, self.limit), self.components
-        found = decompose(lambda: matrix, *given)
-        self.components = found.components
-        self.steps.append(found.second)
-
-    def _add(self, found: Sequence[Component]) -> bool:
-        """Take components in; whether some lie in none of those that are known."""
-        before = self.components
-        self.components = merged(before, found, self.ring)
-        return self.components != before
+        decomposed = decompose(lambda: matrix, *given)
+        self.components = decomposed.components
+        self.steps.append(decomposed.second)

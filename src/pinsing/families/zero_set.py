@@ -148,12 +148,14 @@ def draw(order: Order, box: SearchBox, count: int, rng: np.random.Generator) -> 
             q = np.where(open_, rng.uniform(box.lower, box.upper, q.shape), q)
         value, known = _solved(step, q, rng)
         low, high = box.lower[step.joint], box.upper[step.joint]
-        if step.kind != "length":
-            value, inside = _copy(value, low, high, rng)
-        else:
-            inside = (value >= low - ROUNDING) & (value <= high + ROUNDING)
+        if step.kind != "length":  # plus whole turns such that it lies within limits
+            turn = 2 * np.pi
+            first = np.ceil((low - ROUNDING - value) / turn)
+            room = np.floor((high + ROUNDING - value) / turn) - first
+            some = np.floor(rng.random(len(q)) * (room + 1)) if high - low > turn else 0.0
+            value, known = value + turn * (first + some), known & (room >= 0)
         q[:, step.joint] = value
-        q = q[known & inside]
+        q = q[known & (value >= low - ROUNDING) & (value <= high + ROUNDING)]
         open_[list(step.equation.involved)] = False
     if many:  # those that went on with nothing else to draw may have come to the same end
         # Of points that are the same, radians or metres.
@@ -188,15 +190,6 @@ def _solved(step: Step, q: Array, rng: np.random.Generator) -> tuple[Array, Bool
     side = np.where(rng.random(len(q)) < 0.5, -1.0, 1.0)
     turn = np.arctan2(sine, cosine) + side * np.arccos(share)
     return turn - step.equation.shift[step.joint], known
-
-
-def _copy(angle: Array, low: float, high: float, rng: np.random.Generator) -> tuple[Array, Bool]:
-    """Angles (N,) plus whole turns such that they lie within limits, and whether they do."""
-    turn = 2 * np.pi
-    first = np.ceil((low - ROUNDING - angle) / turn)
-    room = np.floor((high + ROUNDING - angle) / turn) - first
-    chosen = np.floor(rng.random(len(angle)) * (room + 1)) if high - low > turn else 0.0
-    return angle + turn * (first + chosen), room >= 0
 
 
 Stop = Callable[[], bool]
