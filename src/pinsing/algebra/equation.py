@@ -40,11 +40,6 @@ class Style:
     sin: str
     latex: bool
 
-    @property
-    def modulo(self) -> str:
-        """Note about whole turns."""
-        return r"\pmod{360^\circ}" if self.latex else "(mod 360°)"
-
     def joint(self, name: str) -> str:
         """A joint's symbol."""
         return latex_symbol(name) if self.latex else name
@@ -334,7 +329,8 @@ class Equation(Memory):
         """
         style = LATEX if latex else PLAIN
         names = self._angle(2 * self.frequencies[0], style, shift=False).strip("()")
-        return f"{names} = {style.angles(angles)} {style.modulo}"
+        modulo = r"\pmod{360^\circ}" if latex else "(mod 360°)"
+        return f"{names} = {style.angles(angles)} {modulo}"
 
     def _line(self, style: Style) -> str:
         """Signed coefficients and what they multiply, a good order for reading."""

@@ -89,7 +89,7 @@ def dependent(
 def _sharing(matrix: Matrix, ring: Ring) -> list[int]:
     """Return rows that may be combinations of others: these have all of their monomials."""
     places = {
-        i: {(j, m) for j, x in enumerate(row) if x != 0 for m in ring.monomials(x)}
+        i: {(j, m[: ring.nvars]) for j, x in enumerate(row) if x != 0 for m in x.monoms()}
         for i, row in enumerate(matrix)
     }
     while True:

@@ -22,7 +22,7 @@ import copyreg
 import functools
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
@@ -206,10 +206,6 @@ class Ring:
             parts[SQUARES.index(square)] = fraction(c)
         return {m: surd(*parts) for m, parts in gathered.items()}
 
-    def monomials(self, poly: Poly) -> list[Monomial]:
-        """Exponents of the joints' variables in each term; some perhaps several times."""
-        return [m[: self.nvars] for m in poly.monoms()]
-
     def is_constant(self, poly: Poly) -> bool:
         """Return True if no joint occurs."""
         if self.rational:
@@ -291,11 +287,16 @@ class Ring:
         self.time.check_factor(max(len(p), len(g)), 60)
         if image(p, self, WORD_PRIME).gcd(image(g, self, WORD_PRIME)).is_constant():
             return self.one
-        for prime in _primes(min(self._bits_needed(p), self._bits_needed(g))):
+        # The known primes up to the first that is long enough: mostly a short one will do.
+        needed = min(self._bits_needed(p), self._bits_needed(g))
+        for k in _EXPONENTS:
             self.time.check()
+            prime = 3 * 2**k + 1
             found = self._lift(image(p, self, prime).gcd(image(g, self, prime)), prime)
             if found is not None and self.divides(found, p) and self.divides(found, g):
                 return found
+            if k >= needed:
+                break
         raise BudgetExceeded("a polynomial with square roots in it has too long coefficients")
 
     def resultant(self, p: Poly, g: Poly, variable: int) -> Poly:
@@ -634,11 +635,3 @@ def modular_context(names: tuple[str, ...], prime: int) -> Any:
     """Flint's ring of polynomials modulo a prime, lexicographic order."""
     kind = nmod_mpoly_ctx if prime.bit_length() < 64 else fmpz_mod_mpoly_ctx
     return kind.get(list(names), prime, Ordering.lex)
-
-
-def _primes(bits: int) -> Iterator[int]:
-    """The known primes up to the first that is at least as long: mostly a short one will do."""
-    for k in _EXPONENTS:
-        yield 3 * 2**k + 1
-        if k >= bits:
-            return

@@ -352,7 +352,11 @@ class LongChain:
             self._go_on()
         self.open_ends["waiting"] += len(self._waiting)
         self.open_ends["too_long"] += len(self._later)
-        self.components = self._irredundant()
+        for c, points in sorted(self._found, key=lambda found: by_size(found[0])):
+            # Larger ones first, without what lies in them.
+            known = self.components
+            if not any(inside(c, k, ring) or (len(points) and points.on(k)) for k in known):
+                self.components.append(c)
 
     def _by_real_points(self) -> None:
         """Judge the first of the systems that were left for later."""
@@ -617,11 +621,3 @@ class LongChain:
     ) -> None:
         found = Component(dict(place), tuple(sorted(relations, key=len)), False, codimension)
         self._found.append((found, points))
-
-    def _irredundant(self) -> list[Component]:
-        """Those that do not lie in others, larger ones first."""
-        kept: list[Component] = []
-        for c, points in sorted(self._found, key=lambda found: by_size(found[0])):
-            if not any(inside(c, k, self.ring) or (len(points) and points.on(k)) for k in kept):
-                kept.append(c)
-        return kept

@@ -440,9 +440,12 @@ class SliceCount:
     def sentence(self) -> str:
         """Return what it says, in words."""
         slices = "one random slice" if self.slices == 1 else f"{self.slices} random slices"
+        several = len(self.primes) > 1
+        fields = f"{'fields' if several else 'field'} of "
+        fields += listed([str(p) for p in self.primes]) if several else str(self.prime)
         where = (
             f"on {slices} of {self.joints} joints ({self.choices} choices of joints) over the "
-            f"{self._fields()} elements (seed {self.seed})"
+            f"{fields} elements (seed {self.seed})"
         )
         if not self.points:
             return f"no singular point was met {where}"
@@ -455,11 +458,6 @@ class SliceCount:
         if self.real and not self.real_off:
             said += f", and so do {self.real} real ones found from random starts"
         return said
-
-    def _fields(self) -> str:
-        if len(self.primes) < 2:
-            return f"field of {self.prime}"
-        return f"fields of {listed([str(p) for p in self.primes])}"
 
 
 At = tuple[int, Value]
