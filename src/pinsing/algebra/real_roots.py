@@ -321,35 +321,39 @@ _QUARTERS = [*(AlgebraicValue(arb(t), (-t, 1)) for t in (-1, 0, 1)), AlgebraicVa
 """Half-angle tangents of the right angles from -90 to 180 degrees."""
 
 
+def _waves(
+    poly: Poly, ring: Ring
+) -> tuple[Fraction, dict[tuple[int, ...], tuple[Fraction, Fraction]]]:
+    """The constant, and by frequency what cosine and sine have; over the rationals, no slides."""
+    every = fourier(poly, ring, [0] * len(ring.prismatic))
+    waves = {f: (parts_of(cos)[0], parts_of(sin)[0]) for (f, _), (cos, sin) in every.items()}
+    constant, _ = waves.pop((0,) * len(ring.prismatic), (Fraction(0), 0))
+    return constant, waves
+
+
 def _touching(poly: Poly, ring: Ring) -> list[Solution] | None:
     """Return the one real zero where all terms together just reach the constant; else None."""
     # Each cosine or sine is 1 or -1: linear equations modulo whole turns. With a minor of 1 they
     # have one solution, of right angles.
-    joints = ring.joints_of(poly)
-    constant, others = Fraction(0), Fraction(0)
-    rows: list[tuple[list[int], Fraction, Fraction]] = []
-    for (frequency, _), (cos, sin) in fourier(poly, ring, [0] * len(ring.prismatic)).items():
-        c, s = parts_of(cos)[0], parts_of(sin)[0]
-        if not any(frequency):
-            constant = c
-            continue
-        if any(k % 2 for k in frequency) or (c and s):
-            return None
-        others += abs(c + s)
-        rows.append(([frequency[j] // 2 for j in joints], c, s))
+    joints, (constant, waves) = ring.joints_of(poly), _waves(poly, ring)
+    if any(k % 2 for f in waves for k in f) or any(c and s for c, s in waves.values()):
+        return None
+    others = sum(abs(c + s) for c, s in waves.values())
     if constant == 0 or abs(constant) != others or len(joints) > 6:
         return None
-    minors = itertools.combinations([row for row, _, _ in rows], len(joints))
+    rows = [[f[j] // 2 for j in joints] for f in waves]
+    minors = itertools.combinations(rows, len(joints))
     if not any(abs(int(fmpz_mat([*map(list, m)]).det())) == 1 for m in minors):
         return None
     # Right angles that each term's phase is.
-    wanted = [(0 if c else 1) + (0 if (c + s) * constant < 0 else 2) for _, c, s in rows]
+    sizes = waves.values()
+    wanted = [(0 if c else 1) + (0 if (c + s) * constant < 0 else 2) for c, s in sizes]
     return [
         dict(zip(joints, (_QUARTERS[k + 1] for k in turns), strict=True))
         for turns in itertools.product(range(-1, 3), repeat=len(joints))
         if all(
             (sum(a * k for a, k in zip(row, turns, strict=True)) - w) % 4 == 0
-            for (row, _, _), w in zip(rows, wanted, strict=True)
+            for row, w in zip(rows, wanted, strict=True)
         )
     ]
 
@@ -358,17 +362,14 @@ def _outweighed(poly: Poly, ring: Ring) -> bool:
     """Return True if the constant term is as large as all others can be together, exactly."""
     if any(ring.prismatic[j] for j in ring.joints_of(poly)):
         return False
-    constant, others, roots = Fraction(0), Fraction(0), arb(0)
-    for (frequency, _), (cos, sin) in fourier(poly, ring, [0] * len(ring.prismatic)).items():
-        c, s = parts_of(cos)[0], parts_of(sin)[0]
-        if not any(frequency):
-            constant = abs(c)
-        elif c == 0 or s == 0:
-            others += abs(c + s)
+    constant, waves = _waves(poly, ring)
+    left, roots = abs(constant), arb(0)
+    for c, s in waves.values():
+        if c == 0 or s == 0:
+            left -= abs(c + s)
         else:
             square = c * c + s * s
             roots += (arb(square.numerator) / arb(square.denominator)).sqrt()
-    left = constant - others
     if roots == 0:
         return left >= 0
     return left > 0 and bool(arb(left.numerator) / arb(left.denominator) > roots)
