@@ -485,16 +485,15 @@ def _yaml(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
             names, heads = joints, ColumnHeads(path, arm, [str(j) for j in joints], ())
         samples.append([float(positions[i]) for i in heads.order])
         times.append(_seconds(time))
-    notes = tuple(n for n in heads.notes if n != NO_TIMES) if heads else ()
+    notes, scales = (heads.notes, heads.scales) if heads else ((), ())
     known = [t for t in times if t is not None]
     timed = len(known) == len(times) > 0
-    if not timed:
-        notes += (NO_TIMES,)
+    notes = (*(n for n in notes if n != NO_TIMES), *[NO_TIMES] * (not timed))
     Q = np.array(samples).reshape(-1, arm.n)
     t, degrees = np.array(known) if timed else None, None
     for number, text in enumerate(raw.decode("utf-8", "replace").splitlines(), 1):
         degrees = stated_unit(f"{path}:{number}", text, degrees)
-    return TrajectoryFile(Q, t, notes, degrees=degrees, seconds=True)
+    return TrajectoryFile(Q, t, notes, scales=scales, degrees=degrees, seconds=True)
 
 
 _READERS: Mapping[str, Callable[[Path, Arm, Sequence[str], bool], TrajectoryFile]] = {
