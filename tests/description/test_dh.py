@@ -190,12 +190,7 @@ BAD = [
     ("    d: 0.1\n", "", 5, ["row 1", "missing key 'd'"]),
     ("    type: revolute\n    limits: [-1, 1]\n", "", 5, ["row 1", "missing key 'type', 'limits'"]),
     ("    type: revolute\n", "", 5, ["row 1", "'type'", "revolute or prismatic or continuous"]),
-    (
-        "units: {angle: rad, length: m}\n",
-        "",
-        1,
-        ["'units'", "deg or rad, length: mm or m}"],
-    ),
+    ("units: {angle: rad, length: m}\n", "", 1, ["'units'", "deg or rad, length: mm or m}"]),
     ("    d: 0.1\n", "    d: 0.1\n    d: 0.2\n", 8, ["row 1", "'d' is given twice"]),
     ("alpha: pi/2", "aplha: pi/2", 5, ["row 1", "'aplha'", "'alpha'?"]),
     ("alpha: pi/2", "alpha: .nan", 5, ["row 1: alpha", "not a finite number"]),

@@ -8,12 +8,7 @@ import pytest
 from tiers import sampled
 
 import pinsing
-from pinsing.errors import (
-    ChainError,
-    ConfigurationError,
-    JointError,
-    RobotFileError,
-)
+from pinsing.errors import ChainError, ConfigurationError, JointError, RobotFileError
 from pinsing.kinematics.jacobian import frame_jacobian, tip_placement
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
@@ -193,6 +188,16 @@ def test_models_without_frames_of_joints():
     assert not any(frame.parentFrame for frame in arm.model.frames)
 
 
+def test_models_that_pinocchio_reduced():
+    """The frame of a joint that was locked is its own parent there."""
+    arm = load("ur5")
+    whole = arm.source.full_model
+    reduced = load(pin.buildReducedModel(whole, [3], pin.neutral(whole)), tip="tool0")
+    assert pinsing.robot.nominal(reduced).jacobian_change < 1e-10
+    J = frame_jacobian(arm, [1, 1, 0, 1, 1, 1])[:, [0, 1, 3, 4, 5]]
+    np.testing.assert_allclose(frame_jacobian(reduced, np.ones(5)), J, atol=1e-12)
+
+
 def test_degrees_and_millimetres_of_a_file_are_doubted(make_model):
     def said(length: float, high: float) -> str:
         step = pin.SE3(np.eye(3), np.array([length, 0.0, 0.0]))
@@ -328,11 +333,10 @@ def test_folding_by_whole_turns():
     np.testing.assert_allclose(turns, np.round(turns), atol=1e-12)
     assert (np.abs(folded[[0, 3, 5]]) <= np.pi).all()
     assert arm.within_limits(folded) == arm.within_limits(q)
-    arm = load("ur5")
     Q = np.zeros((100_000, 6))
     Q[40_000:41_000, 1] = -70
     with pytest.raises(ConfigurationError, match=r"Q\[40000\]: shoulder_lift_joint"):
-        pinsing.singular_values(arm, Q)
+        pinsing.singular_values(load("ur5"), Q)
 
 
 def test_limits_count_values_as_they_are():

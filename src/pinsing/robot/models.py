@@ -583,10 +583,10 @@ def _carry_frames(
         made = pin.Frame(f"\n{len(numbers)}", carrier, 0, place * frame.placement, kind)
         numbers.append(out.addFrame(made, False))
         out.frames[numbers[-1]].name = frame.name
-    for frame, number in zip(model.frames, numbers, strict=True):
-        # What is fixed to a locked joint begins there: where that is, its values say.
+    for k, (frame, number) in enumerate(zip(model.frames, numbers, strict=True)):
+        # What is fixed to a locked joint begins there; one that Pinocchio locked is its own parent.
         begins = frame.type == _JOINT and frame.parentJoint not in keep
-        if with_parents and not begins:
+        if with_parents and not begins and frame.parentFrame < k:
             out.frames[number].parentFrame = numbers[frame.parentFrame]
 
 
