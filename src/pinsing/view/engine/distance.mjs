@@ -20,7 +20,7 @@ const GAP = 1e-6, FAR = 100, ON = 1e-12, TINY = 1e-300; // GAP: of what is found
 export function nearestZero(made, q, turns, best, fixed, work, improve) {
   const d = q.length, part = { upper: best.upper, x: best.x };
   const row = () => new Float64Array(d);
-  const s = { made, d, q, lo: row(), hi: row(), near: row(), point: row(), bend: row(), most: part.upper };
+  const s = { made, d, q, lo: row(), hi: row(), near: row(), point: row(), sum: row(), bend: row(), most: part.upper };
   const far = FAR + Math.max(...q.map(Math.abs));
   const goal = () => part.upper - 0.5 * GAP * Math.min(1, 100 * Math.hypot(part.upper, fixed));
   const boxes = []; // the least bound last
@@ -87,6 +87,7 @@ function looked(s, box, known, work) {
     for (let j = 0; j < d; j++) steep += Math.abs(one.g[j]) * box.h[j] + one.bend[j];
     for (let j = 0; j < d; j++) bend[j] = Math.max(bend[j], one.bend[j] / steep);
   }
+  if (sums.length > 1 && !cutByCombination(s, box)) return false;
   let top = -1;
   for (let j = 0; j < d; j++) {
     const score = box.h[j] * (bend[j] + 1e-3);
@@ -159,6 +160,24 @@ function toPlane(q, lo, hi, g, origin, target, d, point) {
     if (square > 0) best = Math.max(best, Math.sqrt(square) * (1 - 1e-15));
   }
   return best;
+}
+
+// The slab of a sum of multiples of the equations: those of the step of least norm from `near`.
+function cutByCombination(s, box) {
+  const { d, near, sum, made: { at } } = s, k = at.length;
+  const rows = at.map(({ g }) => Array.from(g)), products = rows.map((a) => rows.map((b) => dot(a, b)));
+  const values = at.map(({ value, g }) => { let v = value; for (let j = 0; j < d; j++) v += g[j] * (near[j] - box.c[j]); return v; });
+  const multiples = leastNorm(products, values, 1e-13); // any will do for a bound
+  let value = 0, rest = 0, size = 0;
+  sum.fill(0);
+  for (let i = 0; i < k; i++) {
+    const m = multiples[i];
+    value += m * at[i].value;
+    rest += Math.abs(m) * (at[i].rest + 1e-15 * at[i].size);
+    size += Math.abs(m) * at[i].size;
+    for (let j = 0; j < d; j++) sum[j] += m * at[i].g[j];
+  }
+  return !(size < 1e300) || cutBySlab(s, box, value, sum, rest);
 }
 
 // Shrinks a box to what the slab of each equation and the ball of the best point leave; false: nothing.
@@ -351,20 +370,17 @@ function nearestOn(branch, { placed, fixed, under }, joints, weight, most, work,
   return { lower: Math.min(lower, upper), upper, x: nearest().x };
 }
 
+// From a zero x of the equations along them to one near q: steps of least norm onto their linear parts, and
+// back to q by `relax`, less where that swings.
 function settle(equations, x, q, free, weight) {
   let relax = 1, before = null;
   for (let k = 0; k < 60; k++) {
-    const found = equations.map((e) => evaluate(e, x));
+    const found = equations.map((e) => evaluate(e, x)), delta = x.map((v, j) => (free[j] ? (v - q[j]) * weight[j] : 0));
     const A = found.map((r, i) => free.map((on, j) => (on ? r.gradient[j] / equations[i].size / weight[j] : 0)));
-    const f = found.map((r, i) => r.value / equations[i].size);
-    const delta = x.map((v, j) => (free[j] ? (v - q[j]) * weight[j] : 0));
-    const along = leastNorm(A, A.map((row) => dot(row, delta)), 1e-9);
-    const pull = along.map((v, j) => v - delta[j]);
-    if (before && dot(pull, before) < 0) relax /= 2;
-    before = pull;
-    const back = leastNorm(A, f, 1e-9);
-    const step = pull.map((v, j) => (free[j] ? relax * v - back[j] : 0));
-    const size = norm(step), cut = Math.min(1, 0.5 / Math.max(size, 1e-300));
+    const onto = leastNorm(A, A.map((row, i) => relax * dot(row, delta) - found[i].value / equations[i].size), 1e-9);
+    const step = onto.map((v, j) => (free[j] ? v - relax * delta[j] : 0)), size = norm(step), cut = Math.min(1, 0.5 / Math.max(size, 1e-300));
+    if (before && dot(step, before) < 0) relax /= 2;
+    before = step;
     x = x.map((v, j) => v + (cut * step[j]) / weight[j]);
     if (size < 1e-12) break;
   }
