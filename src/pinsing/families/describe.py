@@ -405,10 +405,11 @@ def statement(
     # Branches of which only one sum of angles differs are stated together.
     alike: dict[object, list[Branch]] = {}
     for b in branches:
-        rest = tuple(e.text() for e in b.equations if e.angle_sum is None)
-        sums = [e.frequencies.tobytes() for e in b.equations if e.angle_sum is not None]
-        values = tuple((v.joint, round(v.value, 12)) for v in b.values)
-        key = (values, rest, *sums) if len(sums) == 1 else object()
+        sums, key = [e for e in b.equations if e.angle_sum is not None], object()
+        if len(sums) == 1:
+            rest = tuple(e.text() for e in b.equations if e is not sums[0])
+            values = tuple((v.joint, round(v.value, 12)) for v in b.values)
+            key = values, rest, sums[0].frequencies.tobytes()
         alike.setdefault(key, []).append(b)
     groups: dict[tuple[str, ...], list[Branch]] = {}
     for members in alike.values():
