@@ -692,9 +692,7 @@ def certificate(
         root = Tree(draft, progress).place([])
     except Rejected as reason:
         raise NotFound(str(reason)) from None
-    order = _ordered(root)
-    number = {id(place): k for k, place in enumerate(order)}
-    places = [_written(place, draft, number) for place in order]
+    places = _written(root, draft)
     return data | {"polynomials": [form_text(p) for p in draft.polys], "places": places}
 
 
@@ -711,43 +709,37 @@ def _without_implied(draft: Draft, family: Place) -> list[Any]:
     return [*linear, *kept]
 
 
-def _written(place: Place, draft: Draft, number: Mapping[int, int]) -> dict[str, Any]:
-    """A place as it stands in the certificate."""
-
-    def leads(then: Place | None) -> tuple[str, int]:
-        if then is None:
-            return "nowhere", 0
-        return ("place", number[id(then)]) if then.family is None else ("family", then.family)
-
-    entry: dict[str, Any] = {
-        "forms": [draft.number(p) for p in place.forms],
-        **{key: [] for key in ("of_forms", "of_minors", "of_resultants", "cases")},
-    }
-    for text, (key, *source) in place.sum:
-        if key == "of_minors":
-            source[1] = [draft.number(p) for p in source[1]]
-        entry[key].append([text, *source])
-    for forms, weights, times, then in place.cases:
-        zeros = [draft.number(f) for f in forms]
-        entry["cases"].append([zeros, list(map(str, weights)), times, *leads(then)])
-    return entry
-
-
-def _ordered(root: Place | None) -> list[Place]:
-    """Places so that each stands before those that it leads to."""
-    seen: set[int] = set()
-    order: list[Place] = []
+def _written(root: Place | None, draft: Draft) -> list[dict[str, Any]]:
+    """Places as they stand in the certificate, each before those that it leads to."""
+    order: dict[Place, int] = {}
 
     def visit(place: Place | None) -> None:
-        if place is None or id(place) in seen or place.family is not None:
-            return
-        seen.add(id(place))
-        for *_, then in place.cases:
-            visit(then)
-        order.append(place)
+        if place is not None and place.family is None and place not in order:
+            for *_, then in place.cases:
+                visit(then)
+            order[place] = len(order)
 
     visit(root)
-    return order[::-1]
+    entries = []
+    for place in reversed(order):
+        entry: dict[str, Any] = {
+            "forms": [draft.number(p) for p in place.forms],
+            **{key: [] for key in ("of_forms", "of_minors", "of_resultants", "cases")},
+        }
+        for text, (key, *source) in place.sum:
+            if key == "of_minors":
+                source[1] = [draft.number(p) for p in source[1]]
+            entry[key].append([text, *source])
+        for forms, weights, times, then in place.cases:
+            leads: tuple[str, int] = ("nowhere", 0)
+            if then is not None and then.family is not None:
+                leads = "family", then.family
+            elif then is not None:
+                leads = "place", len(order) - 1 - order[then]
+            zeros = [draft.number(f) for f in forms]
+            entry["cases"].append([zeros, list(map(str, weights)), times, *leads])
+        entries.append(entry)
+    return entries
 
 
 def text_of(data: Mapping[str, Any]) -> str:

@@ -729,9 +729,15 @@ def readable(family: Family, branch: Branch, q: Array, arm: Arm, within_limits: 
     rounded = np.array([round(float(v), int(k)) for v, k in zip(rounded, places, strict=True)])
     held = [v.joint for v in branch.values]
     rounded[held] = start[held]
-    tries = iter([rounded]) if not branch.equations else _solved(branch, rounded)
-    for found in tries:
-        if not (within_limits and arm.space.unreachable(found).any()) and _alike(arm, found, q):
+    rank = generic_rank(arm)
+    for found in [rounded] if not branch.equations else _solved(branch, rounded):
+        if within_limits and arm.space.unreachable(found).any():
+            continue
+        # One of the same rank, the first to all digits.
+        sigma = batch(arm, threads=1).sigma(np.stack([found, q]))[:, :rank]
+        ratio = sigma / sigma[:, :1].clip(min=1e-300)
+        zeros = ratio <= 1e-8
+        if (zeros[0] == zeros[1]).all() and (ratio[0][zeros[0]] <= 1e-11).all():
             return np.asarray(found)
     return q
 
@@ -748,14 +754,6 @@ def _solved(branch: Branch, start: Array) -> Iterator[Array]:
         moved, ok = project(branch.equations, start[None], free)
         if ok[0]:
             yield np.where(free, moved[0], start)
-
-
-def _alike(arm: Arm, found: Array, q: Array) -> bool:
-    """Return True if two configurations have the same rank, the first one to all digits."""
-    sigma = batch(arm, threads=1).sigma(np.stack([found, q]))[:, : generic_rank(arm)]
-    ratio = sigma / sigma[:, :1].clip(min=1e-300)
-    zeros = ratio <= 1e-8
-    return bool((zeros[0] == zeros[1]).all() and (ratio[0][zeros[0]] <= 1e-11).all())
 
 
 _WITNESSES = 32
