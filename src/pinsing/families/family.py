@@ -138,24 +138,17 @@ def reach_words(reached: Reachability, values: Sequence[ValueReach], prismatic: 
         return reached.words
     parts = []
     for joint in sorted({v.joint for v in values}):
-        of = [v for v in values if v.joint == joint]
-        good = [v for v in of if v.reachability in (Reachability.INSIDE, Reachability.AT_LIMIT)]
-        if len(good) == len(of) or not good:
-            continue
-        never = [v for v in of if v.reachability is Reachability.OUTSIDE]
-        other = [v for v in of if v.reachability is Reachability.UNKNOWN]
-        slides = bool(prismatic[joint])
-        said = [f"not {_listed(never, slides)}"] if never else []
-        said += [f"none found with {_listed(other, slides)}"] if other else []
-        symbol = f"{'d' if slides else 'q'}{joint + 1}"
-        parts.append(f"{symbol} = {_listed(good, slides)} ({', '.join(said)})")
+        slides, by_known = bool(prismatic[joint]), dict[bool | None, list[str]]()
+        for v in sorted(values, key=lambda v: (abs(v.value), v.value)):
+            if v.joint == joint:
+                size = f"{v.value:.6g} m" if v.value else "0"
+                said = size if slides else format_angle(v.value)
+                by_known.setdefault(v.reachability.known, []).append(said)
+        good, never, other = (" or ".join(by_known.get(x, [])) for x in (True, False, None))
+        if good and (never or other):
+            less = [f"not {never}"] * bool(never) + [f"none found with {other}"] * bool(other)
+            parts.append(f"{'d' if slides else 'q'}{joint + 1} = {good} ({', '.join(less)})")
     return reached.words + (f" with {' and '.join(parts)}" if parts else "")
-
-
-def _listed(values: Sequence[ValueReach], slides: bool) -> str:
-    numbers = sorted((v.value for v in values), key=lambda x: (abs(x), x))
-    said = [f"{x:.6g} m" if slides and x else "0" if slides else format_angle(x) for x in numbers]
-    return " or ".join(said)
 
 
 def spread(
@@ -619,14 +612,12 @@ class Family(JsonResult):
         free = np.ones(self.n, dtype=bool)
         free[[v.joint for branch in self.branches for v in branch.values]] = False
         sharp = self.confirm.sharpened(points, free)
-        stays = near(
-            self.branches, self.space, sharp, ROUNDING
-        )  # else another singular set is near
+        # Else another singular set is near.
+        stays = near(self.branches, self.space, sharp, ROUNDING)
         sharp = np.where(stays[:, None], sharp, points)
-        if not within_limits:
-            return sharp
         lower, upper = self.limits
-        return sharp[((sharp >= lower - 1e-9) & (sharp <= upper + 1e-9)).all(axis=-1)]
+        outside = ((sharp < lower - 1e-9) | (sharp > upper + 1e-9)).any(axis=-1)
+        return sharp[~outside] if within_limits else sharp
 
     def _loose_ends(self, within_limits: bool) -> tuple[Bool, Bool]:
         """Return which sliders may go on below and above the range that points are drawn from."""
@@ -666,9 +657,8 @@ class Family(JsonResult):
                 lower[j] = min(lower[j], value.value - self.length_scale)
             if above[j]:
                 upper[j] = max(upper[j], value.value + self.length_scale)
-        if within_limits and self.limit_tolerance is not None:
-            return lower - self.limit_tolerance, upper + self.limit_tolerance
-        return lower, upper
+        wider = self.limit_tolerance if within_limits else None
+        return (lower, upper) if wider is None else (lower - wider, upper + wider)
 
     @property
     def limits(self) -> tuple[Array, Array]:
