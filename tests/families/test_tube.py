@@ -104,11 +104,11 @@ def test_boxes_keep_their_zeros_and_none_is_farther_than_told(name, attack):
     d = len(product.joints)
     starts = rng.uniform(0, 6, (800 // (d - 3) ** 2, d))
     zeros = product.search(starts)
-    if isinstance(product, tubes.Determinant):
+    if product.arm is None:
         # And those of a robot between the design and this one: that walls persist rests on them.
-        r = product.rest
+        plain, r, h = product.sums
         half_rest = TrigSum(r.amplitude / 2, r.phase, r.rate, r.power, r.noise)
-        between = replace(product, rest=half_rest).search(starts)
+        between = replace(product, sums=(plain, half_rest, h)).search(starts)
         zeros = np.concatenate([zeros, between])
     far = tubes._proven(product, families, zeros)
     near = tubes._about(product, zeros)[..., 0].min(axis=1)

@@ -28,7 +28,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeAlias
 
 import numpy as np
 
@@ -193,7 +192,7 @@ def find_tube(robot: Arm, design: Arm, families: Sequence[Family]) -> Tube:
             width, found, near, count = find_widths(of, families)
             again = why()
             reason += f"; within the joint limits {again}" * bool(again)
-        if isinstance(of, Determinant):
+        if of.arm is None:
             even = {f.family for f in of.factors if f.power % 2 == 0}
             both = _two_sides(of, width, near)
             persists = [two and k not in even for k, two in enumerate(both)]
@@ -244,61 +243,36 @@ class Factor:
 
 
 @dataclass(frozen=True)
-class _OfDesign:
-    """The families of the design of a robot."""
+class Equations:
+    """What is zero at the singular configurations of a robot, by its design's families.
+
+    The determinant as ``h prod f^m + E``, a sum over the joints that matter; or minors of the
+    Jacobian of a redundant robot.
+    """
 
     joints: tuple[int, ...]  # that matter
     factors: tuple[Factor, ...]
     ranges: Array  # (d, 2): of these joints; a circle from any value
     conditions: Conditions  # of the families
-
-
-@dataclass(frozen=True)
-class Determinant(_OfDesign):
-    """The determinant of a robot as ``h prod f^m + E``, a sum over the joints that matter."""
-
-    h: TrigSum
-    plain: TrigSum  # of the design's determinant
-    rest: TrigSum
-
-    @property
-    def sums(self) -> tuple[TrigSum, ...]:
-        """The kernel's sums beside the factors: before and after these."""
-        return self.plain, self.rest, self.h
+    # the kernel's sums beside the factors, three before and the rest after these: of the design's
+    # determinant, E and h; or three that stand for none, and the minors
+    sums: tuple[TrigSum, ...]
+    arm: Arm | None = None  # that is redundant
 
     def search(self, x: Array) -> Array:
         """Singular configurations (K, d) near starts (N, d)."""
+        if self.arm is not None:
+            n, inner = self.arm.n, list(self.joints)
+            drops = approach(self.arm, _whole(inner, n, x), np.isin(np.arange(n), inner))
+            return np.asarray(drops.q[drops.sigma[:, -1] < 1e-9 * drops.sigma[:, 0]][:, inner])
         for _ in range(12):
-            plain, rest = self.plain.at(x), self.rest.at(x)
+            plain, rest = (s.at(x) for s in self.sums[:2])
             slope = plain.gradient + rest.gradient
             least = np.maximum((slope**2).sum(axis=1), TINY)
             step = ((plain.value + rest.value) / least)[:, None] * slope
             size = np.linalg.norm(step, axis=1, keepdims=True)
             x = x - step * np.minimum(1.0, 0.2 / np.maximum(size, TINY))
         return np.asarray(x[size[:, 0] < 1e-9])
-
-
-@dataclass(frozen=True)
-class JacobianMinors(_OfDesign):
-    """Minors of the Jacobian of a redundant robot, and the conditions of its design's families."""
-
-    arm: Arm
-    minors: tuple[TrigSum, ...]
-
-    @property
-    def sums(self) -> tuple[TrigSum, ...]:
-        """The kernel's sums beside the factors: three that stand for none, and the minors."""
-        return (*[_nothing(5)] * 3, *self.minors)
-
-    def search(self, x: Array) -> Array:
-        """Singular configurations (K, d) near starts (N, d)."""
-        n, inner = self.arm.n, list(self.joints)
-        drops = approach(self.arm, _whole(inner, n, x), np.isin(np.arange(n), inner))
-        return np.asarray(drops.q[drops.sigma[:, -1] < 1e-9 * drops.sigma[:, 0]][:, inner])
-
-
-Equations: TypeAlias = Determinant | JacobianMinors
-"""What is zero at the singular configurations of a robot, beside conditions of its design."""
 
 
 class Unproven(Exception):
@@ -324,8 +298,9 @@ def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Equations:
     if redundant:
         if len(factors) > 54 or max(len(f.sum.used) for f in factors) > 4:
             raise Unproven("the design has too many conditions, or one of five joints")
-        made = joints, tuple(factors), ranges, conditions
-        return JacobianMinors(*made, robot, tuple(_minors(robot, joints)))
+        none = TrigSum([0.0], [0.0], np.zeros((1, 5)), np.zeros((1, 5)), 0.0)
+        sums = (none, none, none, *_minors(robot, joints))
+        return Equations(joints, tuple(factors), ranges, conditions, sums, robot)
     if len(factors) > len(branches):
         raise Unproven("a family is of several conditions, which separate nothing")
     if len(joints) > (4 if pose else 3):
@@ -360,7 +335,7 @@ def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Equations:
             "the design differs too much from the robot, or has its joint zeros elsewhere"
         )
     plain = grid.sum(at.value * P, start, float(off.max()))
-    return Determinant(joints, tuple(factors), ranges, conditions, h, plain, rest)
+    return Equations(joints, tuple(factors), ranges, conditions, (plain, rest, h))
 
 
 def _factors(
@@ -377,10 +352,6 @@ def _factors(
         raise Unproven(f"two conditions of F{family + 1} are of one joint")
     # Values are bounded fastest.
     return out[::-1]
-
-
-def _nothing(d: int) -> TrigSum:
-    return TrigSum([0.0], [0.0], np.zeros((1, d)), np.zeros((1, d)), 0.0)
 
 
 def _product(factors: Sequence[Factor], x: Array) -> tuple[Array, Array]:
@@ -491,7 +462,7 @@ def halve(p: Equations, boxes: Array, near: float = NEAR) -> Array:
         s = f.sum
         own = np.arange(s.rate.shape[1])
         # What a minor is besides is a sum over all joints.
-        if isinstance(p, JacobianMinors) and (f.family >= 0 or f.branch % 2):
+        if p.arm is not None and (f.family >= 0 or f.branch % 2):
             own = np.append(s.used, np.setdiff1d(own, s.used))[:4]
         rate = np.zeros((len(s.amplitude), 5))
         rate[:, : len(own)] = s.rate[:, own]
@@ -510,7 +481,7 @@ def halve(p: Equations, boxes: Array, near: float = NEAR) -> Array:
     return np.asarray(halves.reshape(-1, boxes.shape[1]))
 
 
-def _two_sides(p: Determinant, width: Array, near: float) -> list[bool]:
+def _two_sides(p: Equations, width: Array, near: float) -> list[bool]:
     """Return which families have both sides outside of the tubes: configurations at random tell."""
     low, high = p.ranges.T
     x = np.random.default_rng(3).uniform(low, high, (20_000, len(low)))
@@ -554,7 +525,7 @@ _NONE = 1e9
 
 def _first(p: Equations, families: int, goal: float) -> Array:
     """Boxes (N, 12 + F) to begin with: thin where a family is a joint value, as the tube is."""
-    sides, minors = [], isinstance(p, JacobianMinors)
+    sides, minors = [], p.arm is not None
     branches = [f.branch for f in p.factors]
     for j, (low, high) in enumerate(p.ranges):
         # By minors all within the goal of a value that is a family by itself needs no halving.
@@ -589,7 +560,7 @@ def find_widths(
     """
     last, rng = len(families), np.random.default_rng(2)
     found, done = np.zeros(last + 1), np.zeros(last + 1)
-    (low, high), minors, near = p.ranges.T, isinstance(p, JacobianMinors), NEAR
+    (low, high), minors, near = p.ranges.T, p.arm is not None, NEAR
 
     def farthest(far: Array, column: Ints, many: int) -> Ints:
         """The farthest from the nearest family: of those near each one alone, and near several."""
