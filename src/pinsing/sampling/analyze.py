@@ -60,8 +60,8 @@ class _Points:
     curve: NDArray[np.intp]  # (P,), index or -1
     at: Array  # (P,), the curve's moving joint where the curve itself is zero, else NaN
 
-    def where(self, mask: Bool) -> _Points:
-        return _Points(self.q[mask], self.ratio[mask], self.curve[mask], self.at[mask])
+    def where(self, rows: Bool | NDArray[np.intp]) -> _Points:
+        return _Points(self.q[rows], self.ratio[rows], self.curve[rows], self.at[rows])
 
 
 @checked
@@ -309,7 +309,7 @@ def _valleys(
             # a mere dip this near to a singular condition belongs to it
             beside |= on_condition(exact, finding.condition, points.q, 0.02)
     points = points.where(~beside)
-    points = _Points(*(a[np.argsort(points.ratio, kind="stable")] for a in vars(points).values()))
+    points = points.where(np.argsort(points.ratio, kind="stable"))
     plan = result.plan
     tester = ConditionTester(exact, plan.relevant, samples, NEAR_RTOL, plan.seed)
     left = np.ones(len(points.q), dtype=bool)
@@ -790,19 +790,15 @@ def _check_families(
     for family in forms.families:
         if stages.over:
             break
-        points = family.points(60, rng)
-        if not len(points):
-            checks.append(FamilyCheck(family.name, 0, 0.0, 0.0, 0.0))
-            continue
-        points = _polished(exact, points)
+        points = _polished(exact, family.points(60, rng))
         there = measure(swept, points)
         checks.append(
             FamilyCheck(
                 family=family.name,
                 samples=len(points),
-                nominal_ratio=float(ratios(exact, points).max()),
-                raw_ratio=float(there.ratio.max()),
-                raw_sigma_min=float(there.sigma[:, -1].max()),
+                nominal_ratio=float(ratios(exact, points).max(initial=0.0)),
+                raw_ratio=float(there.ratio.max(initial=0.0)),
+                raw_sigma_min=float(there.sigma[:, -1].max(initial=0.0)),
             )
         )
     return tuple(checks)
