@@ -283,6 +283,11 @@ def test_what_is_not_clear_is_not_guessed(tmp_path, arm, text, said):
         ),
         ("a.yaml", f"joint_names: {UR5}\npoints: []", "no sample"),
         (
+            "a.yaml",
+            states() + "---\n" + states().replace('_joint"', '_joint_deg"'),
+            "sample 3 names other units of joints",
+        ),
+        (
             "a.ls",
             "/POS\nP[1]{\n GP1:\n X = 1 mm, Y = 2 mm, W = 0 deg\n};",
             "pose of the tool: export .*pinsing path",
@@ -437,6 +442,10 @@ def test_names_beside_an_array_are_the_joints(tmp_path, arm):
     for name in ("units.npz", "times.npz"):
         read = read_trajectory(tmp_path / name, arm)
         np.testing.assert_allclose(np.column_stack([read.t, read.Q]), timed())
+    parts = np.column_stack([np.floor(T), T % 1 * 1e9, DEG])
+    np.savez(tmp_path / "parts.npz", q=parts, names=["sec", "nanosec", *heads[1:]])
+    read = read_trajectory(tmp_path / "parts.npz", arm)
+    np.testing.assert_allclose(np.column_stack([read.t, read.Q]), timed())
     np.savez(tmp_path / "b.npz", q=Q[:, :5], names=UR5)
     with pytest.raises(ConfigurationError, match="each of the 6 names in 'names'"):
         read_trajectory(tmp_path / "b.npz", arm)

@@ -235,8 +235,8 @@ def _columns(
     if (columns or heads) and array.ndim == 2:
         heads = heads or [str(k + 1) for k in range(array.shape[1])]
         read = ColumnHeads(path, arm, heads, columns, angles_said=united)
-        t = None if read.time is None else _floats(array[:, read.time]) * read.time_scale
-        return TrajectoryFile(_floats(array[:, read.order]), t, read.notes, scales=read.scales)
+        used = sorted(read.used)
+        return read.samples(_floats(array[:, used]), used)
     ConfigurationError.refuse_if(
         array.ndim != 2 or array.shape[1] not in (arm.n, arm.n + 1),
         f"{path}: {arm.n} columns are needed, one a joint ({', '.join(arm.joints)}), or one "
@@ -317,7 +317,7 @@ def _npz(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Trajecto
     if arrays[times].dtype.kind not in "fiu":
         kind = arrays[times].dtype
         raise ConfigurationError(f"{path}: times must be numbers, got an array of {kind}")
-    return replace(found, t=np.asarray(arrays[times], dtype=float), notes=())
+    return replace(found, t=np.asarray(arrays[times], dtype=float), notes=(), seconds=False)
 
 
 LARGEST_TEXT = 64 * MEBIBYTE  # bytes: a minute of reading
@@ -482,7 +482,12 @@ def _yaml(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
             f"{path}: sample {number} needs a number for each of its {len(joints)} joints",
         )
         if heads is None or joints != names:
-            names, heads = joints, ColumnHeads(path, arm, [str(j) for j in joints], ())
+            before, names = heads, joints
+            heads = ColumnHeads(path, arm, [str(j) for j in joints], ())
+            ConfigurationError.refuse_if(
+                before is not None and before.scales != heads.scales,
+                f"{path}: sample {number} names other units of joints than the one before",
+            )
         samples.append([float(positions[i]) for i in heads.order])
         times.append(_seconds(time))
     notes, scales = (heads.notes, heads.scales) if heads else ((), ())
@@ -614,19 +619,10 @@ def _text(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
         found = _columns(path, arm, values)
         more = (*found.notes, *said)
         return replace(found, notes=more, degrees=table.degrees, seconds=bool(table.clock))
-    at = {column: k for k, column in enumerate(used or range(len(words)))}
-    others = {w: (values[:, at[i]], read.units[i]) for w, i in read.others.items()}
-    t = None if read.time is None else values[:, at[read.time]] * read.time_scale
-    if t is not None and read.parts is not None:
-        part = values[:, at[read.parts]]
-        if (t % 1).any() or (part < 0).any() or (part >= 1e9).any():
-            two = f"{words[read.parts]!r:.80} and the column of seconds"
-            raise ConfigurationError(f"{path}: {two} are not whole seconds and nanoseconds of them")
-        t = t + 1e-9 * part
-    Q = values[:, [at[i] for i in read.order]]
-    scale = None if read.time is None else read.units[read.time]
-    known = bool(table.clock or scale or read.time_scale != 1 or read.parts is not None)
-    return TrajectoryFile(Q, t, (*read.notes, *said), others, read.scales, table.degrees, known)
+    found = read.samples(values, used)
+    timed = found.seconds or bool(table.clock)
+    more = (*found.notes, *said)
+    return replace(found, notes=more, degrees=table.degrees, seconds=timed)
 
 
 def _require_spoken(path: Path, comments: str, heads: set[float | None]) -> None:
@@ -775,6 +771,22 @@ class ColumnHeads:
             more = f" and {len(left) - 6} more" if len(left) > 6 else ""
             what = "the chain leaves out" if beside else "no positions in"
             self.notes += (f"{what} {shown}{more}: not used",)
+
+    def samples(self, values: Array, used: Sequence[int] | None) -> TrajectoryFile:
+        """What an array (N, ...) of these columns, or of those that are used, holds."""
+        at = {column: k for k, column in enumerate(used or range(len(self.words)))}
+        others = {w: (values[:, at[i]], self.units[i]) for w, i in self.others.items()}
+        t = None if self.time is None else values[:, at[self.time]] * self.time_scale
+        if t is not None and self.parts is not None:
+            part = values[:, at[self.parts]]
+            if (t % 1).any() or (part < 0).any() or (part >= 1e9).any():
+                two = f"{self.words[self.parts]!r:.80} and the column of seconds"
+                raise self._error(f"{two} are not whole seconds and nanoseconds of them")
+            t = t + 1e-9 * part
+        Q = values[:, [at[i] for i in self.order]]
+        scale = None if self.time is None else self.units[self.time]
+        known = bool(scale or self.time_scale != 1 or self.parts is not None)
+        return TrajectoryFile(Q, t, self.notes, others, self.scales, seconds=known)
 
     def _error(self, words: str) -> ConfigurationError:
         return ConfigurationError(f"{self.path}: {words}")
