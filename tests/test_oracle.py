@@ -16,6 +16,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import decompose
 from pinsing.algebra.ring import make_ring
 from pinsing.families import closed_form
+from pinsing.postures import aspects
 from pinsing.robot.load import load
 from pinsing.robot.task import parse_task
 
@@ -35,6 +36,12 @@ def test_random_structured_chains_have_no_false_claim(group):
 def test_a_family_that_no_order_of_its_equations_divides_is_proven():
     """Three equations in the same joints: linear algebra finds what sums of these minors are."""
     assert closed_form(chains.arm_of(chains.random_spec(26))).word == "proven"
+
+
+def test_what_no_box_shows_is_one_aspect_at_least():
+    found = aspects(closed_form(chains.arm_of(chains.random_spec(287)), prove=False), work=0.01)
+    assert (found.lower, found.upper) == (1, None)
+    assert str(found).startswith("chain: at least 1 aspect within")
 
 
 def test_the_oracle_of_real_points_moves_as_pinocchio_does():

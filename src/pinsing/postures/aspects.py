@@ -307,7 +307,7 @@ class Aspects(JsonResult):
             said = "; ".join(", ".join(words) for words in (a.names, a.where) if words)
             lines.append(f"{a.number:>4}  {said}")
             lines.append(f"      {typed(a.q, self.arm.prismatic, degrees, digits=4)}")
-        if self.lower > len(self.listed):
+        if self.listed and self.lower > len(self.listed):
             lines.append(f"(the first {len(self.listed)} of them)")
         lines += [f"note: {n}" for n in self.notes]
         return "\n".join(lines)
@@ -357,7 +357,8 @@ def aspects(forms: Forms, limits: bool = True, *, work: float = WORK) -> Aspects
     exact = cut.exact
     parts = []
     for part, pieces in zip(cut.parts, chosen.pieces, strict=True):
-        low, high = (sum(getattr(p.found, k) for p in pieces) for k in ("lower", "upper"))
+        # An equation is not zero on all of a box: one component at least, seen or not.
+        low, high = (sum(max(1, getattr(p.found, k)) for p in pieces) for k in ("lower", "upper"))
         exact &= all(p.found.closed for p in pieces)
         lower, upper = lower * low, upper * high
         joints = tuple(chosen.watched.joints[j] for j in part.joints)

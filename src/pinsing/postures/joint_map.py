@@ -494,7 +494,8 @@ def _count(layers: tuple[Ground, ...], leaves: Leaves) -> tuple[Counted, Bool]:
         possible = ((sigma ^ state) & mask) == 0
         again |= possible & np.isin(outer[sigma * places :][:places], sets[times > 1])
     found = Counted(
-        lower=len(sets), upper=len(names), closed=bool(leaves.regular.all()), layers=layers,
+        lower=len(sets), upper=len(names), layers=layers,
+        closed=bool(len(names) and leaves.regular.all()),
         leaves=leaves, label=label, sign=sign, joined=joined,
     )  # fmt: skip
     return found, (again & ~certain).reshape(L, N).any(axis=0)
