@@ -346,9 +346,13 @@ def _of_arm(old: dict[str, Any], new: dict[str, Any]) -> Iterator[tuple[str, str
     before, now = (WORDS.index(x["word"]) for x in (old, new))
     if before != now:
         yield "loss" if now < before else "gain", f"{old['word']} became {new['word']}"
+    # An answer that is not complete holds for what it knew: other families may be nearer, and what
+    # is left open by a search that got farther is not the same.
+    farther = before == 0 and (now > 0 or len(new["families"]) > len(old["families"]))
+    less = "review" if farther else "loss"
     if len(old["gaps"]) != len(new["gaps"]):
         more = len(new["gaps"]) > len(old["gaps"])
-        yield "loss" if more else "gain", f"{len(old['gaps'])} gaps became {new['gaps']}"
+        yield less if more else "gain", f"{len(old['gaps'])} gaps became {new['gaps']}"
     kept = new["kept"]
     for f, least, kinds in zip(old["families"], kept["families"], kept["kinds"], strict=True):
         name = f"{f['text'][:60]} ({f['codimension']})"
@@ -360,7 +364,8 @@ def _of_arm(old: dict[str, Any], new: dict[str, Any]) -> Iterator[tuple[str, str
             yield "loss", f"points of {name} are on families of codimension {deeper} alone"
         gone = set(f["kinds"]) - set(kinds)
         if f["points"] and not lost and not deeper and gone:
-            sort = "gain" if gone == {"undecided"} else "loss"
+            wider = min(least) < f["codimension"]
+            sort = "gain" if gone == {"undecided"} else less if wider else "loss"
             yield sort, f"{name}: kinds {f['kinds']} became {kinds}"
     for s, c in zip(old["singular"], kept["singular"], strict=True):
         if s["codimension"] != c:
@@ -374,13 +379,13 @@ def _of_arm(old: dict[str, Any], new: dict[str, Any]) -> Iterator[tuple[str, str
         yield from _counted(old, new, which)
     for name in ("aspects within limits", "aspects on circles"):
         low, high = old.get(name, (1, None))
-        yield from _bounds(name, low, high, *new.get(name, (1, None)), 0)
+        yield from _bounds(name, low, high, *new.get(name, (1, None)), 0, less)
     for name in ("", "sure "):
         one, two = (x.get("bounds", {}) for x in (old, new))
         pairs = (one.get(f"{name}{k}", []) for k in ("lower", "upper"))
         now_pairs = (two.get(f"{name}{k}", []) for k in ("lower", "upper"))
         for a, b in zip(zip(*pairs, strict=True), zip(*now_pairs, strict=True), strict=False):
-            yield from _bounds(f"{name}clearance", *map(float, a), *map(float, b), WORSE)
+            yield from _bounds(f"{name}clearance", *map(float, a), *map(float, b), WORSE, less)
         if one and not two:
             yield "loss", "there are no clearances"
 
@@ -394,17 +399,17 @@ def _counted(old: dict[str, Any], new: dict[str, Any], which: str) -> Iterator[t
 
 
 def _bounds(
-    name: str, low: Any, high: Any, now_low: Any, now_high: Any, slack: float
+    name: str, low: Any, high: Any, now_low: Any, now_high: Any, slack: float, less: str
 ) -> Iterator[tuple[str, str]]:
-    """Of one number, before and now: None or infinity is no upper bound."""
+    """Of one number, before and now: None or infinity is no upper bound; weaker is ``less``."""
     top, now_top = (np.inf if x is None else x for x in (high, now_high))
     words = f"{name}: {low} to {high} became {now_low} to {now_high}"
     least = 1e-8 + slack * (low if np.isfinite(low) else 0)
     most = 1e-8 + slack * (top if np.isfinite(top) else 0)
     if now_low > top + 1e-8 or now_top < low - 1e-8:
-        yield "loss", f"{words}: they contradict each other"
+        yield less, f"{words}: they contradict each other"
     elif now_low < low - least or now_top > top + most:
-        yield "loss", words
+        yield less, words
     elif now_low > low + least or now_top < top - most:
         yield "gain", words
 
