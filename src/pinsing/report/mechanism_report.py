@@ -22,12 +22,12 @@ from pinsing.measures import ROUNDING, Array
 from pinsing.plot.mechanism import (
     draw_linkage,
     input_map,
-    map_legend,
     mode_sheet,
     motion_curve,
     panels,
     pose_maps,
 )
+from pinsing.plot.style import legend_of_all
 from pinsing.prose import Page
 from pinsing.report.document import (
     Section,
@@ -331,8 +331,7 @@ def maps(mechanism: Mechanism) -> Section | None:
     drawn, axes = plt.subplots(1, 2, figsize=(7.0, 3.3), layout="constrained")
     for ax, sign in zip(axes, "+-", strict=True):
         input_map(mechanism, sign, ax, samples=361)
-    map_legend(axes[0])
-    axes[0].get_legend().set_bbox_to_anchor((1.2, -0.22), axes[0].transAxes)
+    legend_of_all(axes)
     alt = (
         f"Two maps over {mechanism.inputs[0]} and {mechanism.inputs[1]}, one for each assembly "
         "mode: where the loops close, and the curves of type 1 and type 2 singularities."
