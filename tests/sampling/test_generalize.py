@@ -63,6 +63,14 @@ def test_the_relation_of_the_puma_that_the_paper_cannot_find():
     assert set(condition.forced_by) == {"q2", "q3"}
 
 
+def test_a_joint_that_hardly_moves_in_a_relation_is_of_it():
+    """The elbow of the GoFa, beside where it is stretched."""
+    arm, q = load("gofa5"), [0.3, 0.5, 1.80070075, 0, 0.7, 0.2]
+    for seed in (3, 4):
+        (condition,) = generalize(arm, q, seed=seed).conditions
+        assert str(condition) == "a relation between q2, q3, q4 and q5"
+
+
 @pytest.mark.parametrize("values", [{1: 0.0}, {5: 0.0}, {2: 0.0, 4: 0.0}, {1: 0.0, 2: 0.0}])
 def test_iiwa_negatives(values, rng):
     """What looks singular and is not: regular, so not to be generalised."""

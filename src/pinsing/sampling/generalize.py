@@ -422,10 +422,10 @@ class ConditionTester:
         ends = self._push(row, size) if there.sum() > 1 else row[:0]
         if len(ends) < _PUSHES // 2:
             return np.zeros(len(row), dtype=bool)
-        away = _middle(np.abs(ends - row) / self.metric)
+        away = _middle(np.abs(ends - _middle(ends)) / self.metric)
         # Where none ends farther away than a tenth of the push the values are isolated; else, a
-        # single value that ends nearer is fixed nevertheless.
-        return np.asarray((away > 1e-4 * size) & (away[there].max() > 0.1 * size))
+        # single value that hardly moves is fixed nevertheless: the others do by 1e-6 of it.
+        return np.asarray(there & (away > 1e-7 * size) & (away[there].max() > 0.1 * size))
 
 
 def held(q: Array, joints: Sequence[int]) -> Array:
