@@ -156,6 +156,31 @@ def test_modified_tables_and_twists_with_square_roots(tmp_path, rng):
             )
 
 
+SLIDER_WITH_A_TOOL = """name: tooled
+convention: standard
+units: {angle: deg, length: m}
+rows:
+  - {alpha: 90, a: 0.1, d: 0.4, theta: 0, type: continuous}
+  - {alpha: 90, a: 0.3, d: 0, theta: 90, type: continuous}
+  - {alpha: -90, a: 0, d: 0.1, theta: 0, type: prismatic, limits: [-0.5, 0.5]}
+  - {alpha: 0, a: 0, d: 0.1, theta: 0, type: continuous}
+tool: {xyz: [0.1, 0, 0.2], rpy: [0, 0, 0]}
+"""
+
+
+@pytest.mark.parametrize("tip", ["tool0", "flange"])
+def test_a_tool_and_what_is_added_to_a_slider_are_no_lengths(tmp_path, tip, rng):
+    path = tmp_path / "tooled.dh.yaml"
+    path.write_text(SLIDER_WITH_A_TOOL)
+    arm = pinsing.load(path, tip=tip, task="position")
+    form = pinsing.closed_form(arm, symbols="a2", seconds=LONG)
+    numeric = pinsing.closed_form(arm)
+    assert numeric.families
+    for q in np.concatenate([f.sample(3, rng) for f in numeric.families]):
+        off = [np.abs(form.residuals(f.name, q, {"a2": 0.3})).max() for f in form.families]
+        assert min(off) < 1e-9
+
+
 def test_a_family_of_more_equations_than_joints_is_one_of_special_lengths(tmp_path, rng):
     path = tmp_path / "elbow.dh.yaml"
     rows = [(90, 0, 0.3), (-90, 0, 0), (90, 0.05, 0.4), (-90, -0.05, 0), (90, 0, 0.4)]

@@ -33,7 +33,16 @@ from pinsing.algebra.generic_points import Residues
 from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
 from pinsing.algebra.mimic import own_offsets
 from pinsing.algebra.ring import Matrix, Poly, Ring, make_ring
-from pinsing.description.dh_table import BASE, FLANGE, TIP, DHTable, bare_urdf, read_dh, with_turns
+from pinsing.description.dh_table import (
+    BASE,
+    FLANGE,
+    TIP,
+    DHTable,
+    Placement,
+    bare_urdf,
+    read_dh,
+    with_turns,
+)
 from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
 from pinsing.interface import JsonResult, checked
 from pinsing.measures import Array, ArrayLike
@@ -322,14 +331,17 @@ def of_table(arm: Arm, table: DHTable, chosen: Sequence[str] | None, angle_tol: 
         raw = flatten(made)
         return ExactPlacements(raw, ["a placement"] * len(raw.R), angle_tol, arm=made).translation
 
-    zero = dict.fromkeys(known, 0.0)
+    zero = dict.fromkeys((f"{x}{i}" for i in rows for x in "ad"), 0.0)
     try:
         if turning:
             arm = load(bare_urdf(table, turning), tip=arm.tip).with_task(arm.task)
         geometry = nominal(arm, angle_tol)
     except PinsingError as error:
         raise OptionError(f"the table makes no chain: {error}") from None
-    parts = [exact({**zero, name: 1.0} if name in known else zero, tool=None) for name in names]
+    parts = [
+        exact({**zero, name: 1.0} if name in known else zero, tool=table.tool and Placement())
+        for name in names
+    ]
     rest = exact({name: 0.0 if name in names else v for name, v in known.items()})
     place = {f"{i}_twist": len(rows) + names.index(f"alpha{i}") for i in turning}
     own = itertools.count()
