@@ -39,6 +39,7 @@ def offered(line: str) -> list[str]:
         ("analyze ur5 --sweep --engine b", {"batch", "baseline"}, {"auto"}),
         ("list talos_a", {"talos_arm"}, set()),
         ("view ur5 --", {"--family", "--output", "--deg"}, set()),
+        ("at ur5 --q 0,1 --q 0,2 --", {"--deg"}, set()),
         (f"families {URDF}/five_bar.urdf --tip ", {"P"}, set()),
     ],
 )

@@ -186,6 +186,9 @@ def test_models_without_frames_of_joints():
     arm = load(model, tip="on b")
     assert (arm.joints, arm.model.nframes) == (("a", "b"), 6)
     assert not any(frame.parentFrame for frame in arm.model.frames)
+    model.frames[1].name = "universe"  # which the root is called, too
+    again = load(model, tip="on b")
+    np.testing.assert_array_equal(*(frame_jacobian(x, [1, 2]) for x in (again, arm)))
 
 
 def test_models_that_pinocchio_reduced():

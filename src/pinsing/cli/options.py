@@ -664,7 +664,9 @@ class GroupedCommand(click.Command):
         for p in self.params:
             times = sum(word.partition("=")[0] in p.opts for word in args)
             OptionError.refuse_if(
-                isinstance(p.type, Typed) and not p.multiple and times > 1,
+                isinstance(p.type, Typed)
+                and not (p.multiple or ctx.resilient_parsing)
+                and times > 1,
                 f"{p.opts[0]} was given {times} times; {ctx.info_name} takes one",
             )
             if {*p.opts} & {*args} and {*p.secondary_opts} & {*args}:

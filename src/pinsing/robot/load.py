@@ -294,7 +294,8 @@ def _build(
     if off_path:
         joints = f"{len(off_path)} joint{'s' * (len(off_path) != 1)}"
         notes += (f"locked outside the chain, without effect on it: {joints}",)
-    reduced, _ = cut_out(model, kept, reference, frame_index(model, base))
+    root = 0 if base == "universe" else frame_index(model, base)  # a body may be called that
+    reduced, _ = cut_out(model, kept, reference, root)
     names = list(reduced.names)[1:]
     lower, upper, prismatic, said = chain_limits(reduced)
     coupling = None
