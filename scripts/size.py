@@ -11,7 +11,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
     "Python in src: statements": (36_207, 30_000),
-    "Python in src: lines": (69_687, 56_000),
+    "Python in src: lines": (69_688, 56_000),
     "C++, JavaScript, templates, styles: lines": (12_105, 9_500),
     "modules": (137, 220),
     "packages directly under pinsing": (15, 16),

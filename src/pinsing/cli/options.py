@@ -664,7 +664,8 @@ class GroupedCommand(click.Command):
         for p in self.params:
             times = sum(word.partition("=")[0] in p.opts for word in args)
             OptionError.refuse_if(
-                isinstance(p.type, Typed)
+                # Of two configurations none is dropped silently; of other values the last counts.
+                p.opts[0] in ("--q", "--to")
                 and not (p.multiple or ctx.resilient_parsing)
                 and times > 1,
                 f"{p.opts[0]} was given {times} times; {ctx.info_name} takes one",
