@@ -204,3 +204,16 @@ def test_points_of_touching_equations_are_singular_to_rounding(touching, form, r
 def test_touching_equations_are_not_said_to_hold_elsewhere_and_others_are_as_ever(form):
     assert "regular configurations" not in families_text(form)
     assert 0 < len(touched(form)) < len(form.families)
+
+
+def test_random_starts_that_go_several_turns_round_are_not_taken_for_degrees(monkeypatch, rng):
+    model = load("ur5").model.copy()
+    model.lowerPositionLimit[:], model.upperPositionLimit[:] = -0.3, 0.3
+    arm = nominal(load(model, tip="tool0")).arm
+    (branch,) = next(f for f in closed_form(arm, prove=False).families if f.equations).branches
+    thrown, whole = zero_set.thrown, np.full(6, np.pi)
+    monkeypatch.setattr(zero_set, "thrown", lambda *given: thrown(*given) + 4 * np.pi)
+    monkeypatch.setattr(OwnPoints, "drawn", lambda *given: np.zeros((0, 6)))
+    held = [(branch, SearchBox.of(branch, -whole, whole))]
+    found = zero_set.own_drawn(held, arm.space, False, OwnPoints(arm), 5, rng, None)
+    assert len(pinsing.singular_values(arm, found)) == 5

@@ -151,7 +151,7 @@ class _Exact:
         fixed = np.array([values.get(j, 0.0) for j in every])
         box = SearchBox(-self.reach, self.reach, free, fixed)
         stated = [equation(p, self.ring, self.symbols, self.offset) for p in component.relations]
-        for q in thrown(stated, box, 16, self.rng):
+        for q in self.own.arm.fold(thrown(stated, box, 16, self.rng)):
             if self._missed(branches, q, BLUNT):
                 return np.asarray(q)
         return None

@@ -649,8 +649,7 @@ def own_drawn(
                 break
         if missing:
             count = min(max(_FEWEST, 4 * missing), _MOST)
-            q = thrown(branch.equations, box, count, rng, stop)
+            q = space.fold(thrown(branch.equations, box, count, rng, stop))
             q = q[confirm(q)] if len(q) else q
-            q = space.fold(q) if within else q
             found.append((q[box.inside(q)] if within else q)[:missing])
     return np.concatenate(found)[:n]
