@@ -122,6 +122,9 @@ def test_ends_in_a_flat_valley_belong_to_the_family_at_its_end(flat):
     found = random_search(flat.geometry.arm, flat, 60, 3, Stages(60.0))
     assert found.singular > 40
     assert len(found.off) == 0
+    hurried = random_search(flat.geometry.arm, flat, 60, 3, Stages(1e-9))
+    assert hurried.singular < found.singular, "ends that no time was left to follow are not told"
+    assert len(hurried.off) == 0
 
 
 def test_a_family_that_is_missing_is_noticed(flat):

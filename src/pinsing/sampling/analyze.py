@@ -594,8 +594,13 @@ def random_search(
             break
         on[~on] = family.contains(found[~on], PRACTICAL)
     # In a flat valley sigma_r is below the tolerance some way off already: the zero there decides.
-    off = [q for q in found[~on] if stages.over or not leads_down(exact, forms, q)]
-    return RandomSearch(starts, len(found), len(found) - len(off), tuple(off))
+    off, count = [], len(found)
+    for q in found[~on]:
+        if stages.over and _beside(forms, q) is not None:
+            count -= 1  # no time is left to follow it
+        elif not leads_down(exact, forms, q):
+            off.append(q)
+    return RandomSearch(starts, count, count - len(off), tuple(off))
 
 
 def leads_down(exact: Arm, forms: ClosedForm, q: Array) -> bool:
