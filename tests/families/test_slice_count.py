@@ -188,3 +188,12 @@ def test_values_that_are_the_same_over_one_field_alone_stay_apart():
         return ~np.array([small in components, large in components])
 
     assert left((every, every), (every, every), off) == known
+
+
+def test_no_points_are_on_no_component():
+    """Slices of a KUKA with a tool have none of some kind, before any component is known."""
+    none = slices.SlicePoints(
+        None, 7, 1, np.zeros((0, 4), dtype=int), np.zeros((2, 6, 0), dtype=int)
+    )
+    assert none.on([]).shape == (0, 0)
+    assert len(none.left([])) == 0

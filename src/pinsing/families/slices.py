@@ -488,7 +488,8 @@ class SlicePoints:
 
     def on(self, components: Sequence[Component]) -> Bool:
         """Which points lie on each of some components: (C, N)."""
-        return np.array([*map(self.held, components)], dtype=bool).reshape(-1, len(self))
+        held = [*map(self.held, components)]
+        return np.array(held, dtype=bool).reshape(len(held), len(self))
 
     def left(self, components: Sequence[Component]) -> SlicePoints:
         """Those that lie on none of some components."""
