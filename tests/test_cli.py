@@ -385,3 +385,9 @@ def test_an_answer_in_radians_has_no_degree(words, said):
     assert done.exit_code == 0
     assert "\N{DEGREE SIGN}" not in done.output
     assert said in " ".join(done.stdout.split("\n"))
+
+
+def test_of_options_given_twice_the_last_counts():
+    done = run("map", "stanford", "--count", "20", "--count", "10", "-o", "-.json")
+    assert done.exit_code == 0
+    assert json.loads(done.stdout)["plan"]["count"] == 10
