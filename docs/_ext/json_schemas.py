@@ -16,7 +16,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 import pinsing
-from pinsing.interface import JsonResult, Written
+from pinsing.interface import JsonResult
 
 
 class JsonSchemas(SphinxDirective):
@@ -54,10 +54,8 @@ def page(kind: type[JsonResult]) -> Iterator[str]:
     yield f'| `schema` | `"{kind.schema}"` |'
     words = described(doc)
     for field in dataclasses.fields(kind):  # type: ignore[arg-type]
-        written = field.metadata.get("json", True)
-        if written:
-            key = written.name if isinstance(written, Written) else field.name
-            yield f"| `{key}` | {words.get(field.name) or plain(field.type)} |"
+        if field.metadata.get("json", True):
+            yield f"| `{field.name}` | {words.get(field.name) or plain(field.type)} |"
     yield ""
 
 
