@@ -95,11 +95,17 @@ def replace_file(target: Path, data: bytes) -> None:
     try:
         # The system takes away what new files of this process may not have.
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
-        handle = _made(temporary, flags)
+        try:
+            handle = os.open(temporary, flags, 0o666)
+        except FileNotFoundError as error:
+            if target.parent.is_dir():  # as /proc, which root may write to
+                raise OSError(error.errno, "its folder takes no new files") from None
+            raise
         try:
             _write_all(handle, data)
-            if (mode := _mode(target)) is not None:
-                os.fchmod(handle, mode)
+            with contextlib.suppress(FileNotFoundError):  # a file that is replaced keeps its mode
+                if not target.is_symlink():
+                    os.fchmod(handle, os.lstat(target).st_mode & 0o777)
             os.fsync(handle)
         finally:
             os.close(handle)
@@ -132,16 +138,6 @@ def is_temporary(name: str) -> bool:
     return name.startswith(".") and name.endswith(TEMPORARY)
 
 
-def _made(temporary: Path, flags: int) -> int:
-    """Handle of a new file."""
-    try:
-        return os.open(temporary, flags, 0o666)
-    except FileNotFoundError as error:
-        if temporary.parent.is_dir():  # as /proc, which root may write to
-            raise OSError(error.errno, "its folder takes no new files") from None
-        raise
-
-
 def _is_name(path: Path) -> bool:
     try:
         os.fsencode(path)
@@ -168,11 +164,3 @@ def _target(path: Path) -> Path:
 
 def _special(path: Path) -> bool:
     return path.exists() and not path.is_file() and not path.is_dir()
-
-
-def _mode(target: Path) -> int | None:
-    """Permissions of the file that is replaced, if there is one."""
-    try:
-        return os.lstat(target).st_mode & 0o777 if not target.is_symlink() else None
-    except FileNotFoundError:
-        return None

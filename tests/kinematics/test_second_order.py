@@ -119,15 +119,9 @@ CASES = {
     "7 joints": {"robot": "panda"}, "three rows": {"robot": "planar3r", "task": "vx,vy,wz"},
     "position of 6 joints": {"robot": "ur5", "task": "position"},
 }  # fmt: skip
-FEWER = {  # arms that miss some of the motions everywhere
-    "5 joints": {"robot": "romeo_laas_small", "tip": "AccelerometerHead_sensor"},
-    "a hand": {"robot": "tiago", "tip": "hand_thumb_flex_2_link", "base": "arm_7_link"},
-    "a flying arm": {"robot": "hextilt"},
-    "three rows of two": {"robot": "planar3r", "task": "vx,vy,vz"},
-}
 
 
-@pytest.mark.parametrize("case", sampled([*CASES.values(), *FEWER.values()]), ids=str)
+@pytest.mark.parametrize("case", sampled([*CASES.values()]), ids=str)
 def test_clear_kinds_are_those_of_one_at_a_time(case):
     loaded = load(**case)
     arm = nominal(loaded).arm

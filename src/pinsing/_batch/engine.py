@@ -16,7 +16,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -167,48 +167,6 @@ def condition_set(families: int, flat: dict[str, NDArray[Any]], largest: bool) -
     if _missing is not None or len(flat["turn"]) > _kernel.MAX_CONDITION_JOINTS:
         return None
     return _kernel.ConditionSet(families, flat, largest)
-
-
-Counts = NDArray[np.int64]
-Words = NDArray[np.uint64]
-
-
-class ValueCounts(NamedTuple):
-    """How values are distributed."""
-
-    low: int  # how many are at most the lower tolerance
-    high: int  # how many are at most the higher one
-    least: int  # where the first least is; -1 without a number
-    greatest: int  # where the first greatest is; -1 without a number
-
-
-def put_words(
-    out: Floats,
-    block: Words,
-    heads: Words,
-    place: int,
-    columns: Counts,
-    low: Floats,
-    width: Floats,
-) -> None:
-    """Put a sample of the unit cube into rows of ``out`` (N, n).
-
-    ``out`` is C-contiguous; column ``columns[j]`` gets ``low[j]`` plus ``width[j]`` times
-    coordinate j, (k,) each. Words of floats from 1 to 2, one more than the coordinates, are those
-    of ``block`` (B, k), from row ``place`` on, with ``heads`` (H, k), one after the other, by
-    exclusive-or. ValueError for bad shapes.
-    """
-    module().put_words(block, heads, place, columns, low, width, out)
-
-
-def count_values(
-    values: Floats, shift: int, first: int, bins: Counts, tolerances: tuple[float, float]
-) -> ValueCounts:
-    """Add ``values`` (N,), of any stride, to their ``bins`` (B,); return their extremes."""
-    # A bin is the float's bits without the last ``shift``, less ``first``; values beyond go to the
-    # first or the last one.
-    low, high = tolerances
-    return ValueCounts(*module().count_values(values, shift, first, bins, low, high))
 
 
 @dataclass(frozen=True, eq=False)

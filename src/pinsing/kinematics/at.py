@@ -11,12 +11,12 @@ from typing import ClassVar
 import numpy as np
 
 from pinsing import measures, notebook
+from pinsing.errors import OptionError
 from pinsing.interface import JsonResult, checked
 from pinsing.kinematics.jacobian import (
     NEAR_RTOL,
     SINGULAR_RTOL,
     Status,
-    check_tolerances,
     generic_rank,
     generic_task,
     own_scale,
@@ -438,7 +438,10 @@ def at(
     >>> state.status, state.rank, state.generic_rank
     ('singular', 5, 6)
     """
-    check_tolerances(rtol, near_rtol)
+    OptionError.refuse_if(
+        not 0 <= rtol <= near_rtol < 1,
+        f"need 0 <= rtol <= near_rtol < 1, got {rtol:g} and {near_rtol:g}",
+    )
     check_speeds(tip_speed, turn_speed)
     q = arm.check_one(q)
     r = generic_rank(arm)

@@ -865,8 +865,8 @@ class InverseMany:
         def follow(to: tuple[Any, ...], source: Array) -> None:
             """Continue solutions (M, S, n) of neighbours to the nodes ``to`` that lack them."""
             source, there = _filled(source).copy(), _filled(Q[to])
-            known = _gaps(source[:, :, None], there[:, None], self.arm).min(axis=2) < _BESIDE
-            source[known] = np.nan
+            gaps = np.abs(self.arm.space.wrap(source[:, :, None] - there[:, None])).max(axis=-1)
+            source[(gaps < _BESIDE).any(axis=2)] = np.nan  # known there; NaN is near nothing
             lacking = np.isfinite(source[..., 0]).any(axis=1)
             to, source = tuple(x[lacking] for x in to), source[lacking]
             if values is not None:
@@ -931,9 +931,3 @@ def _distinct(Q: Array, arm: Arm) -> Array:
     how = *arm.space.span, ROUNDING, PRACTICAL, engine.cpu_count()
     engine.module().distinct(Q, arm.space.prismatic, *how)
     return Q
-
-
-def _gaps(a: Array, b: Array, arm: Arm) -> Array:
-    """Largest difference of joint values a and b (..., n), whole turns aside; inf beside NaN."""
-    gap = np.abs(arm.space.wrap(a - b)).max(axis=-1)
-    return np.asarray(np.nan_to_num(gap, nan=np.inf))

@@ -273,10 +273,7 @@ def inverse_velocity(
 
 
 def _arrays(J: ArrayLike, twist: ArrayLike) -> tuple[Array, Array]:
-    try:
-        jacobians, twists = np.array(J, dtype=float), np.array(twist, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ConfigurationError(f"J and twist must be arrays of numbers: {error}") from None
+    jacobians, twists = np.array(J, dtype=float), np.array(twist, dtype=float)
     ConfigurationError.refuse_if(
         jacobians.ndim < 2 or 0 in jacobians.shape[-2:],
         f"J has shape (..., m, n), got {jacobians.shape}",
@@ -303,10 +300,7 @@ def _arrays(J: ArrayLike, twist: ArrayLike) -> tuple[Array, Array]:
 def _positive(given: ArrayLike | None, n: int, name: str, default: Array) -> Array:
     if given is None:
         return default
-    try:
-        array = np.array(given, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise OptionError(f"{name} is not an array of numbers: {error}") from None
+    array = np.array(given, dtype=float)
     OptionError.refuse_if(
         array.shape != (n,) or not (array > 0).all(),
         f"{name} needs {n} positive numbers, got {array.tolist()}",

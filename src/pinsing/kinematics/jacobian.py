@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -332,19 +332,16 @@ class Batch:
         J, coupling = self.model_jacobians(Q), self.arm.coupling
         return J if coupling is None else J @ coupling.matrix
 
-    def sigma(self, Q: Array) -> Array:
-        """Singular values (N, min(m, n)) of the task Jacobian at the arm's length scale."""
-        return self._sigma(Q, False)
-
     def own_sigma(self, Q: Array, sigma: Array | None = None) -> Array:
-        """The same at the arm's own scale, without units; out of ``sigma`` where that will do."""
+        """`sigma` at the arm's own scale, without units; out of ``sigma`` where that will do."""
         factor = own_scale(self.arm).of_sigma
         if factor is None:
-            return self._sigma(Q, True)
+            return self.sigma(Q, own=True)
         sigma = self.sigma(Q) if sigma is None else sigma
         return sigma if factor == 1.0 else sigma * factor
 
-    def _sigma(self, Q: Array, own: bool) -> Array:
+    def sigma(self, Q: Array, own: bool = False) -> Array:
+        """Singular values (N, min(m, n)) of the task Jacobian at the arm's length or own scale."""
         arm, chain, scale = self.arm, self._chain(), own_scale(self.arm)
         if chain is None or arm.coupling is not None or arm.task.at_tip:
             at_tip, J = arm.task.at_tip, self.frame_jacobians(Q)
@@ -508,14 +505,6 @@ def ratios(arm: Arm, Q: ArrayLike, engine: str = "auto") -> Array:
     return ratio_of(arm, batch(arm, engine).own_sigma(Q)) if len(Q) else np.zeros(0)
 
 
-def check_tolerances(rtol: float, near_rtol: float) -> None:
-    """Raise OptionError unless 0 <= rtol <= near_rtol < 1."""
-    OptionError.refuse_if(
-        not 0 <= rtol <= near_rtol < 1,
-        f"need 0 <= rtol <= near_rtol < 1, got {rtol:g} and {near_rtol:g}",
-    )
-
-
 def scale_notes(arm: Arm) -> Iterator[str]:
     """Say where sigma and verdicts stand on different lengths."""
     scale = own_scale(arm)
@@ -528,13 +517,18 @@ def scale_notes(arm: Arm) -> Iterator[str]:
 
 def fixed_batch(arm: Arm, engine: str = "auto") -> Batch:
     """Return a Batch on this thread alone, on a `fixed_engine`, without what only drawing needs."""
-    return Batch(_lean(arm), fixed_engine(arm, engine), 1)
-
-
-def last_and_ratio(on: Batch, Q: Array) -> tuple[Array, Array]:
-    """Return sigma_r (N,) of configurations Q (N, n), and the ratio (N,) of verdicts."""
-    found = measured(on, Q)
-    return found.sigma[:, -1], found.ratio
+    source = replace(
+        arm.source,
+        path=None,
+        shapes=None,
+        full_model=arm.model,
+        locked=(),
+        reference=pin.neutral(arm.model),
+        base="universe",
+    )
+    lean = replace(arm, source=source, notes=())
+    lean.known.update(arm.known)  # of the same numbers
+    return Batch(lean, fixed_engine(arm, engine), 1)
 
 
 def fingerprint(arm: Arm) -> str:
@@ -561,29 +555,6 @@ def run_identity(kind: str, on: Batch) -> dict[str, Any]:
         "robot": fingerprint(on.arm),
         "rank": generic_rank(on.arm),
     }
-
-
-def recorded_engine(known: Mapping[str, Any] | None, asked: str) -> str:
-    """Engine to go on with: that of the run on disk, unless another is asked for by name."""
-    if known is None or asked not in ("auto", "batch"):
-        return asked
-    engine = str(known.get("engine", asked))
-    return asked if asked == "batch" and engine == PINOCCHIO else engine
-
-
-def _lean(arm: Arm) -> Arm:
-    source = replace(
-        arm.source,
-        path=None,
-        shapes=None,
-        full_model=arm.model,
-        locked=(),
-        reference=pin.neutral(arm.model),
-        base="universe",
-    )
-    lean = replace(arm, source=source, notes=())
-    lean.known.update(arm.known)  # of the same numbers
-    return lean
 
 
 ROWS = 2000
@@ -933,22 +904,15 @@ def jacobian_derivative(J: ArrayLike) -> Array:
     return np.concatenate([dv, np.where(later, each_cross(w, w), 0.0)], axis=-3)
 
 
-def jacobians_and_derivatives(arm: Arm, Q: ArrayLike) -> tuple[Array, Array]:
-    """Frame Jacobians (N, 6, n) and their derivatives (N, 6, n, n) by the joints at Q (N, n)."""
-    J = batch(arm).model_jacobians(arm.check_many(Q, "Q", own=False))
+def own_jacobians_and_derivatives(arm: Arm, Q: ArrayLike) -> tuple[Array, Array]:
+    """Return task Jacobians (N, m, n) and derivatives (N, m, n, n) at Q, at `OwnScale`."""
+    Q, scale = arm.check_many(Q, "Q", own=False), own_scale(arm)
+    J = batch(arm).model_jacobians(Q)
     H = jacobian_derivative(J)
     if arm.coupling is not None:
         matrix = arm.coupling.matrix
         J = J @ matrix
         H = np.einsum("...rij,ia,jb->...rab", H, matrix, matrix)
-    return J, H
-
-
-def own_jacobians_and_derivatives(arm: Arm, Q: ArrayLike) -> tuple[Array, Array]:
-    """Return task Jacobians (N, m, n) and derivatives (N, m, n, n) at Q, at `OwnScale`."""
-    Q = arm.check_many(Q, "Q", own=False)
-    J, H = jacobians_and_derivatives(arm, Q)
-    scale = own_scale(arm)
     H = turned_slopes(arm, J, H, Q) * scale.rows[:, None, None]
     return scale.apply(arm, J, Q), H * scale.columns[:, None] * scale.columns
 

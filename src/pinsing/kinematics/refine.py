@@ -49,27 +49,19 @@ UNDECIDED: Kind = "undecided"
 def clear_kinds(arm: Arm, Q: Array) -> list[Kind | None]:
     """Return kinds at singular Q (N, n) where one motion is lost, and clear; else None.
 
-    Where the generic rank r is less than the rows m, some motions are never there: of the m - r + 1
-    missing directions, the one that a small move makes attainable again is lost, the range of U0^T
-    dJ N over all moves. Where that is not one, nothing is clear.
+    Of arms whose generic rank is the number m of rows, which miss no motion elsewhere.
     """
     J, H = own_jacobians_and_derivatives(arm, Q)
     count, m, n = J.shape
     U, sigma, Vt = np.linalg.svd(J)
-    r = generic_rank(arm)
-    missing, still = U[:, :, r - 1 :].transpose(0, 2, 1), Vt[:, r - 1 :]
-    B = (missing @ H.reshape(count, m, n * n)).reshape(count, -1, n, n)
+    lost, still = U[:, None, :, -1], Vt[:, m - 1 :]
+    B = (lost @ H.reshape(count, m, n * n)).reshape(count, n, n)
     largest = np.abs(H).max(axis=(1, 2, 3), initial=0.0)
     zero = SINGULAR_RTOL * np.maximum(sigma[:, :1], task_size(arm))
-    once, lost = (sigma > zero).sum(axis=1) == r - 1, B[:, 0]
-    if m > r:
-        moves = (still[:, None] @ B).reshape(count, m - r + 1, -1)
-        W, size, _ = np.linalg.svd(moves, full_matrices=False)
-        once &= (size > ZERO * largest[:, None]).sum(axis=1) == 1
-        lost = np.einsum("ka,kaij->kij", W[:, :, 0], B)
+    once = (sigma > zero).sum(axis=1) == m - 1
     # With u the lost direction, N the motions that leave the task at rest, and B_ij = u . dJ_i /
     # dq_j: sym(N^T B N).
-    BN = lost @ still.transpose(0, 2, 1)
+    BN = B @ still.transpose(0, 2, 1)
     form = still @ BN
     form = (form + form.transpose(0, 2, 1)) / 2
     values = np.linalg.eigvalsh(form)
@@ -93,13 +85,13 @@ def kinds_many(arm: Arm, Q: ArrayLike, most: int | None = None) -> list[Kind | N
 
     One lost direction needs no search for a definite combination: what is clear is decided for all
     rows at once. Of the others the first ``most`` are decided one by one (they may be of another
-    kind), and the rest is None. Where some rows of the task are missing everywhere, only the first
-    ``most`` are.
+    kind), and the rest is None. Where some rows of the task are missing everywhere, nothing is
+    clear.
     """
     Q = np.atleast_2d(arm.check(Q))
-    count = len(Q) if generic_rank(arm) == len(arm.task.rows) else len(Q[:most])
-    found = [*clear_kinds(arm, Q[:count]), *[None] * (len(Q) - count)]
-    if rest := [i for i, kind in enumerate(found[:count]) if kind is None][:most]:
+    full = generic_rank(arm) == len(arm.task.rows)
+    found: list[Kind | None] = clear_kinds(arm, Q) if full else [None] * len(Q)
+    if rest := [i for i, kind in enumerate(found) if kind is None][:most]:
         J, H = own_jacobians_and_derivatives(arm, Q[rest])
         spaces = [_Spaces(arm, *row) for row in zip(Q[rest], J, H, strict=True)]
         for i, kind in zip(rest, _decided(arm, spaces), strict=True):
@@ -260,9 +252,6 @@ _RULES = engine.WalkRules(
 )
 
 
-_Ends = tuple[Array, NDArray[np.intp], Bool]  # configurations, derivatives taken, stationary
-
-
 @dataclass(frozen=True, eq=False)
 class RankDrops:
     """Where N walks ended."""
@@ -294,50 +283,40 @@ def approach(
     N, n = Q.shape
     mask = np.broadcast_to(True if free is None else np.asarray(free, dtype=bool), (N, n))
     low, high = (arm.lower, arm.upper) if bounded else (np.full(n, -np.inf), np.full(n, np.inf))
-    if (found := _compiled(arm, Q, mask, (low, high), max_iterations)) is None:
-        found = _in_numpy(arm, Q, mask, (low, high), max_iterations)
-    Q, iterations, stationary = found
+    on, rank, metric = batch(arm), generic_rank(arm), own_scale(arm).columns
+    iterations, stationary = np.full(N, -1, dtype=np.intp), np.zeros(N, dtype=bool)
+    own = arm.coupling is None and not arm.task.at_tip and on.engine != PINOCCHIO
+    if own and engine.walks_covered(n, len(arm.task.rows), rank):
+        ends, iterations, stationary = engine.walks(
+            on.own_chain(),
+            Q / metric,
+            mask,
+            (low / metric, high / metric),
+            rows=arm.task.rows,
+            rank=rank,
+            size=task_size(arm),
+            rules=_RULES,
+            max_iterations=max_iterations,
+            isa=on.engine,
+        )
+        # Neither by rounding: what is held stays, and limits are kept.
+        ends = np.clip(np.where(mask, ends * metric, Q), low, high)
+        Q = np.where((iterations < 0)[:, None], Q, ends)
+    left = iterations < 0  # what the kernel does not cover, or where singular values do not settle
+    if left.any():
+        Q[left], iterations[left], stationary[left] = _in_numpy(
+            arm, Q[left], mask[left], (low, high), max_iterations
+        )
     sigma, ratio = measure(arm, Q)
     return RankDrops(Q, sigma, ratio, iterations, (ratio <= SINGULAR_RTOL) | stationary)
 
 
-def _compiled(
-    arm: Arm, Q: Array, mask: Bool, limits: tuple[Array, Array], max_iterations: int
-) -> _Ends | None:
-    """The walks in the compiled kernel; None where it does not cover the arm."""
-    on, rank, metric = batch(arm), generic_rank(arm), own_scale(arm).columns
-    own = arm.coupling is None and not arm.task.at_tip and on.engine != PINOCCHIO
-    if not own or not engine.walks_covered(arm.n, len(arm.task.rows), rank):
-        return None
-    ends, iterations, stationary = engine.walks(
-        on.own_chain(),
-        Q / metric,
-        mask,
-        (limits[0] / metric, limits[1] / metric),
-        rows=arm.task.rows,
-        rank=rank,
-        size=task_size(arm),
-        rules=_RULES,
-        max_iterations=max_iterations,
-        isa=on.engine,
-    )
-    # Neither by rounding: what is held stays, and limits are kept.
-    ends = np.clip(np.where(mask, ends * metric, Q), *limits)
-    left = iterations < 0
-    if left.any():
-        ends[left], iterations[left], stationary[left] = _in_numpy(
-            arm, Q[left], mask[left], limits, max_iterations
-        )
-    return ends, iterations, stationary
-
-
 def _in_numpy(
     arm: Arm, Q: Array, mask: Bool, limits: tuple[Array, Array], max_iterations: int
-) -> _Ends:
-    """The same walks step by step, with or without the kernel."""
-    low, high = limits
-    Q = Q.copy()
-    sigma = _own_sigma(arm, Q)
+) -> tuple[Array, NDArray[np.intp], Bool]:
+    """The same walks step by step, with or without the kernel; Q changes."""
+    (low, high), on, rank = limits, batch(arm), generic_rank(arm)
+    sigma = on.own_sigma(Q)[:, :rank]
     damping = np.ones(len(Q))
     iterations = np.zeros(len(Q), dtype=np.intp)
     stationary = np.zeros(len(Q), dtype=bool)
@@ -347,7 +326,11 @@ def _in_numpy(
             break
         iterations[active] += 1
         step, flat = _steps(arm, Q[active], mask[active], damping[active], low, high)
-        trial, trial_sigma = _better_of(arm, Q[active], step, low, high)
+        # Of the full and the stretched step, the one that ends at the smaller sigma_r.
+        once, twice = (np.clip(Q[active] + k * step, low, high) for k in (1.0, _RULES.stretch))
+        first, second = np.split(on.own_sigma(np.concatenate([once, twice]))[:, :rank], 2)
+        stretch = (second[:, -1] < first[:, -1])[:, None]
+        trial, trial_sigma = np.where(stretch, twice, once), np.where(stretch, second, first)
         improved = trial_sigma[:, -1] < sigma[active, -1]
         moved = active[improved]
         Q[moved], sigma[moved] = trial[improved], trial_sigma[improved]
@@ -407,19 +390,6 @@ def _damped(B: Array, last: Array, damping: Array) -> Array:
     # Singular value of the equations, over their largest one, that is none
     gain[s <= 1e-14 * s[:, :1]] = 0.0  # what is made up of rounding alone leads nowhere
     return np.asarray(-np.matmul((gain * W[:, 0, :] * last[:, None])[:, None, :], Zt)[:, 0])
-
-
-def _better_of(arm: Arm, Q: Array, step: Array, low: Array, high: Array) -> tuple[Array, Array]:
-    """Of the full and the stretched step, the one that ends at the smaller sigma_r."""
-    once = np.clip(Q + step, low, high)
-    twice = np.clip(Q + _RULES.stretch * step, low, high)
-    first, second = np.split(_own_sigma(arm, np.concatenate([once, twice])), 2)
-    stretch = (second[:, -1] < first[:, -1])[:, None]
-    return np.where(stretch, twice, once), np.where(stretch, second, first)
-
-
-def _own_sigma(arm: Arm, Q: Array) -> Array:
-    return batch(arm).own_sigma(Q)[:, : generic_rank(arm)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -594,8 +564,16 @@ def refine_many(
     >>> [c.q[1].round(3).item() + 0 for c in found]
     [0.0, 3.142]
     """
-    Q0 = arm.check_many(Q0, "Q0")
-    return _describe(arm, walk(arm, Q0, _free(arm, fixed), ignore_limits, max_iterations))
+    Q0, free = arm.check_many(Q0, "Q0"), None
+    if fixed is not None:
+        array = np.asarray([fixed] if isinstance(fixed, str) else fixed)
+        if array.dtype.kind == "U":
+            free = ~arm.space.mask(array.ravel().tolist())
+        elif array.dtype == bool and array.shape[-1:] == (arm.n,):
+            free = np.asarray(~array)
+        elif array.size:
+            raise OptionError(f"fixed must be joint names or a mask of {arm.n} booleans")
+    return _describe(arm, walk(arm, Q0, free, ignore_limits, max_iterations))
 
 
 def walk(
@@ -679,17 +657,3 @@ def _describe(arm: Arm, drops: RankDrops) -> tuple[SingularConfiguration, ...]:
             )
         )
     return tuple(found)
-
-
-def _free(arm: Arm, fixed: Sequence[str] | ArrayLike | None) -> Bool | None:
-    """Mask of the joints that may move."""
-    if fixed is None:
-        return None
-    array = np.asarray([fixed] if isinstance(fixed, str) else fixed)
-    if array.dtype.kind == "U":
-        return ~arm.space.mask(array.ravel().tolist())
-    if array.dtype == bool and array.shape[-1:] == (arm.n,):
-        return np.asarray(~array)
-    if array.size == 0:
-        return None
-    raise OptionError(f"fixed must be joint names or a mask of {arm.n} booleans")

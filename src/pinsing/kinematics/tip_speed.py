@@ -87,20 +87,6 @@ def limits_of(arm: Arm) -> Array:
     return np.where((limits > 0) & (limits < 1e6), limits, np.inf)
 
 
-def joint_speeds_of(arm: Arm, given: ArrayLike | None) -> Array:
-    """Return speed limits (n,), given (1e-6 to 1e6, or infinite) or of the description."""
-    if given is None:
-        return limits_of(arm)
-    limits: Array = np.array(given, dtype=float)
-    real = (limits >= 1e-6) & ((limits <= 1e6) | np.isinf(limits))
-    OptionError.refuse_if(
-        limits.shape != (arm.n,) or not real.all(),
-        f"joint_speeds needs {arm.n} positive numbers ({', '.join(arm.joints)}), rad/s or m/s, "
-        "each from 1e-6 to 1e6",
-    )
-    return limits
-
-
 _FASTEST = 50.0
 """Metres a second; parallel robots reach 10."""
 
@@ -127,7 +113,15 @@ class SpeedJudge:
     """
 
     def __init__(self, arm: Arm, joint_speeds: ArrayLike | None = None) -> None:
-        self.arm, self.limits = arm, joint_speeds_of(arm, joint_speeds)
+        self.arm, self.limits = arm, limits_of(arm)
+        if joint_speeds is not None:  # 1e-6 to 1e6, or infinite
+            self.limits = np.array(joint_speeds, dtype=float)
+            real = (self.limits >= 1e-6) & ((self.limits <= 1e6) | np.isinf(self.limits))
+            OptionError.refuse_if(
+                self.limits.shape != (arm.n,) or not real.all(),
+                f"joint_speeds needs {arm.n} positive numbers ({', '.join(arm.joints)}), rad/s or "
+                "m/s, each from 1e-6 to 1e6",
+            )
         self.basis, self.linear = arm.once("tip_speed_rows", lambda: _produced(arm))
         self.rank = generic_rank(arm)
         self._scale = own_scale(arm).rows

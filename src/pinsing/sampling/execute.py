@@ -26,7 +26,7 @@ from pinsing._batch.engine import cpu_count
 from pinsing.atomic_write import is_temporary, replace_file, sync_folder
 from pinsing.chunk_file import DamagedError, Record, pack, read_bounded, unpack
 from pinsing.errors import OptionError, OutputError, PinsingError, WorkerError, why
-from pinsing.kinematics.jacobian import Batch, fixed_batch, recorded_engine
+from pinsing.kinematics.jacobian import PINOCCHIO, Batch, fixed_batch
 from pinsing.prose import LISTED
 from pinsing.robot.arm import Arm
 
@@ -373,8 +373,12 @@ class Job(ABC):
 
 
 def planned_batch(arm: Arm, out: Folder | None, engine: str) -> Batch:
-    """Fix the engine of a run: that which its folder was begun with, if it has been."""
-    return fixed_batch(arm, recorded_engine(None if out is None else recorded(out), engine))
+    """Fix the engine of a run: that of its folder, unless another is asked for by name."""
+    known = None if out is None else recorded(out)
+    if known is not None and engine in ("auto", "batch"):
+        begun = str(known.get("engine", engine))
+        engine = engine if engine == "batch" and begun == PINOCCHIO else begun
+    return fixed_batch(arm, engine)
 
 
 class Run:

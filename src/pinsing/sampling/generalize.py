@@ -337,8 +337,9 @@ class ConditionTester:
 
     def snap(self, q: Array) -> Array:
         """Put values near special ones there, one by one, as long as q stays as singular."""
-        snapped = q.copy()
-        near = special_nearby(self.arm, q)
+        # The nearest multiples of 90 degrees, or zero for a prismatic joint.
+        snapped, quarter = q.copy(), np.pi / 2
+        near = np.where(self.arm.prismatic, 0.0, np.round(q / quarter) * quarter) + 0.0
         for i in np.flatnonzero(np.abs(near - q) <= SNAP_TOL):
             trial = snapped.copy()
             trial[i] = near[i]
@@ -431,12 +432,6 @@ class ConditionTester:
 def held(q: Array, joints: Sequence[int]) -> Array:
     """Values of q (..., n) of some joints, NaN of the others."""
     return np.where(np.isin(np.arange(q.shape[-1]), joints), q, np.nan)
-
-
-def special_nearby(arm: Arm, q: Array) -> Array:
-    """Nearest multiple of 90 degrees, or zero for a prismatic joint, to each entry of q."""
-    quarter = np.pi / 2
-    return np.where(arm.prismatic, 0.0, np.round(q / quarter) * quarter) + 0.0
 
 
 def _middle(rows: Array) -> Array:

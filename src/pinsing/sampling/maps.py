@@ -79,7 +79,8 @@ def put_points(
     if sampling == "sobol" and kernel.available():
         words = _shift(k, seed) ^ np.float64(1.0).view(np.uint64)  # of floats from 1 to 2
         heads, where = _heads(start, start + len(out), k) ^ words, np.array(columns, dtype=np.int64)
-        kernel.put_words(out, _first_block(k), heads, start % BLOCK, where, low, width)
+        put_words = kernel.module().put_words
+        put_words(_first_block(k), heads, start % BLOCK, where, low, width, out)
     else:
         out[:, columns] = unit_points(sampling, start, start + len(out), k, seed) * width + low
 

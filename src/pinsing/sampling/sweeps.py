@@ -35,7 +35,6 @@ from pinsing.kinematics.jacobian import (
     Status,
     batch,
     generic_rank,
-    last_and_ratio,
     measured,
     ratios,
     run_identity,
@@ -998,9 +997,9 @@ class SweepJob(Job):
             finite(record, name, (stop - start,))
 
     def _again(self, numbers: list[int]) -> tuple[Array, Array]:
-        return last_and_ratio(
-            self.batch, self.table.configurations(*np.divmod(numbers, self.plan.samples))
-        )
+        Q = self.table.configurations(*np.divmod(numbers, self.plan.samples))
+        sigma, ratio = measured(self.batch, Q)
+        return sigma[:, -1], ratio
 
     def room(self, index: int) -> int:
         """Bytes that the arrays of a chunk take at most."""
@@ -1167,12 +1166,11 @@ def run_sweep(
     size = max(1, chunk // plan.samples // block) * block
     on = planned_batch(arm, out, engine)
     job = SweepJob(plan, on, int(size), kept, int(worst), int(candidates))
-    some = len(plan.uniform) > 0
-    last, ratio = last_and_ratio(job.batch, plan.uniform) if some else (np.empty(0), np.empty(0))
+    sigma, ratio = measured(job.batch, plan.uniform)
     uniform = tuple(
         UniformRow(value, sigma_min, sigma_ratio, status_of(sigma_ratio))
         for value, sigma_min, sigma_ratio in zip(
-            plan.uniform_values.tolist(), last.tolist(), ratio.tolist(), strict=True
+            plan.uniform_values.tolist(), sigma[:, -1].tolist(), ratio.tolist(), strict=True
         )
     )
     table, tally, pool = job.table, Tally(job.worst), Pool(job.candidates)

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from pinsing._batch import engine
-from pinsing._batch.engine import ValueCounts
 from pinsing.chunk_file import DamagedError, Record
 from pinsing.errors import OptionError
 from pinsing.measures import (
@@ -62,20 +61,20 @@ def bin_numbers(values: Array) -> Ints:
     return np.minimum(bins, BINS - 1, out=bins)
 
 
-def count_values(values: Array, bins: Ints) -> ValueCounts:
-    """Add values >= 0 (N,) to their ``bins`` (BINS,); the tolerances are those of verdicts."""
+def count_values(values: Array, bins: Ints) -> tuple[int, int, int, int]:
+    """Add values >= 0 (N,) to their ``bins`` (BINS,); return counts and places of extremes.
+
+    How many are at most each tolerance of verdicts; where the first least, and greatest, one is.
+    """
     if engine.available():
-        return engine.count_values(values, _SHIFT, _FIRST, bins, (SINGULAR_RTOL, NEAR_RTOL))
+        tolerances = SINGULAR_RTOL, NEAR_RTOL
+        return tuple(engine.module().count_values(values, _SHIFT, _FIRST, bins, *tolerances))
     numbers = bin_numbers(values)
     lowest = int(numbers.min())  # most of the bins are far from all values
     counts = np.bincount(numbers - lowest)
     bins[lowest : lowest + len(counts)] += counts
-    return ValueCounts(
-        int(np.count_nonzero(values <= SINGULAR_RTOL)),
-        int(np.count_nonzero(values <= NEAR_RTOL)),
-        int(values.argmin()),
-        int(values.argmax()),
-    )
+    low, high = (int(np.count_nonzero(values <= tol)) for tol in (SINGULAR_RTOL, NEAR_RTOL))
+    return low, high, int(values.argmin()), int(values.argmax())
 
 
 def bin_edges() -> Array:
@@ -125,12 +124,13 @@ class Tally:
             return
         both = (last, ratio)
         seen = [count_values(row, bins) for row, bins in zip(both, self.histogram, strict=True)]
-        ends = np.array([[one.least, one.greatest] for one in seen])
+        ends = np.array([extremes for _, _, *extremes in seen])
         full = len(self.worst_ratio) == self.worst
         rows = np.flatnonzero(ratio <= self.worst_ratio[-1]) if full else np.arange(len(ratio))
         if len(rows) > self.worst:  # no sorting of what cannot be among them
             rows = rows[ratio[rows] <= np.partition(ratio[rows], self.worst - 1)[self.worst - 1]]
-        counts = np.array([len(last), seen[1].low, seen[1].high - seen[1].low])
+        low, high, *_ = seen[1]
+        counts = np.array([len(last), low, high - low])
         value = np.array([row[at] for row, at in zip(both, ends, strict=True)])
         index, where = (at + start if numbers is None else numbers[at] for at in (ends, rows))
         self._join(counts, value, index, where, last[rows], ratio[rows])
