@@ -2,6 +2,8 @@
 
 import copy
 import importlib.util
+import json
+import lzma
 import sys
 from pathlib import Path
 
@@ -98,3 +100,9 @@ def test_the_command_freezes_resumes_and_compares(tmp_path):
         assert done.returncode == 0, done.stderr
     assert done.stdout == ""
     assert "0 losses" in done.stderr
+    (frozen,) = json.loads(lzma.decompress(file.read_bytes()))
+    file.write_bytes(lzma.compress(json.dumps([{**frozen, "word": "not complete"}]).encode()))
+    assert "became" in python(CORPUS, "compare", file, "--only", "seed 171").stdout
+    assert "1 renewed" in python(CORPUS, "renew", file, "--only", "seed 171").stderr
+    (again,) = json.loads(lzma.decompress(file.read_bytes()))
+    assert {**again, "seconds": 0} == {**frozen, "seconds": 0}

@@ -2,6 +2,7 @@
 
     python scripts/corpus make FILE [--quick]        FILE is tests/corpus/answers.json.xz
     python scripts/corpus compare [FILE] [--quick]   prints differences; 1 where anything is lost
+    python scripts/corpus renew [FILE] [--quick]     the same, and freezes anew where all is gain
 
 Entries: every chain of example-robot-data, the arms of docs/tasks.md for their tasks, the
 mechanisms of urdf/, random chains by seed, and a transcript per command. Families are compared as
@@ -153,8 +154,7 @@ def make(options: argparse.Namespace) -> int:
     """Write a corpus."""
     file, found = options.file, computed(chosen(keys(), options), {}, options)
     file.parent.mkdir(parents=True, exist_ok=True)
-    data = json.dumps(list(found.values()), sort_keys=True).encode()
-    file.write_bytes(lzma.compress(data, preset=9 | lzma.PRESET_EXTREME))
+    write(file, found)
     said = f"{file}: {len(found)} entries, {file.stat().st_size / 1e6:.2f} MB"
     for outcome in ("refused", "killed", "crashed"):
         said += f", {sum(e['outcome'] == outcome for e in found.values())} {outcome}"
@@ -162,14 +162,20 @@ def make(options: argparse.Namespace) -> int:
     return 0
 
 
+def write(file: Path, entries: dict[str, Entry]) -> None:
+    """Freeze entries."""
+    data = json.dumps(list(entries.values()), sort_keys=True).encode()
+    file.write_bytes(lzma.compress(data, preset=9 | lzma.PRESET_EXTREME))
+
+
 def compare(options: argparse.Namespace) -> int:
-    """Print losses, gains and what is to be reviewed."""
+    """Print losses, gains and what is to be reviewed; renew what has gains and no losses."""
     file = options.file
     frozen = {e["key"]: e for e in json.loads(lzma.decompress(file.read_bytes()))}
     most = QUICK_SECONDS if options.quick else math.inf
     wanted = [k for k in chosen(frozen, options) if frozen[k]["seconds"] <= most]
     now = computed(wanted, frozen, options)
-    lost = 0
+    lost = renewed = 0
     worker = Worker()
     for key in wanted:
         found = list(changes(frozen[key], now[key]))
@@ -178,6 +184,9 @@ def compare(options: argparse.Namespace) -> int:
             again = list(changes(frozen[key], now[key]))
             slow = not any(sort == "loss" for sort, _ in again)
             found = [("slow", words) for _, words in found] if slow else again
+        if {sort for sort, _ in found} & {"gain", "loss"} == {"gain"} and options.what == "renew":
+            frozen[key] = {name: x for name, x in now[key].items() if name != "kept"}
+            renewed += 1
         for sort, words in found:
             lost += sort == "loss"
             print(f"{sort:6} {key}: {words}")
@@ -187,14 +196,17 @@ def compare(options: argparse.Namespace) -> int:
                     "\n".join(f"       {x}" for x in difflib.unified_diff(*pair, n=0, lineterm=""))
                 )
     worker.stop()
-    print(f"{len(wanted)} entries compared with {file.name}, {lost} losses", file=sys.stderr)
+    if renewed:
+        write(file, frozen)
+    said = f"{len(wanted)} entries compared with {file.name}, {lost} losses, {renewed} renewed"
+    print(said, file=sys.stderr)
     return 1 if lost else 0
 
 
 def main() -> int:
     """Run the command."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("what", choices=("make", "compare", "work"))
+    parser.add_argument("what", choices=("make", "compare", "renew", "work"))
     parser.add_argument("file", nargs="?", type=Path, default=FROZEN)
     parser.add_argument("--quick", action="store_true", help="a subset, about a minute")
     parser.add_argument("--only", default="", metavar="PART", help="entries with this in the key")
