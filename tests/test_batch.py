@@ -235,7 +235,18 @@ def test_the_kernel_itself_checks_shapes(isa: str) -> None:
     with pytest.raises(ValueError, match="R must have shape"):
         engine._kernel.jacobians(*less, np.zeros((3, 6)), isa, 1)
     with pytest.raises(ValueError, match="not covered"):
-        engine._kernel.svdvals(np.zeros((3, 7, 7)), isa, 1, 50, True)
+        engine._kernel.svdvals(np.zeros((3, 7, 7)), isa, 1)
+    nothing = {name: np.zeros(0) for name in ("value", "noise", "reach", "curvature", "steepness")}
+    nothing |= {name: np.zeros(0) for name in ("amplitude", "phase", "rate_norm", "rate")}
+    names = ("family", "value_joint", "rate_joint", "power_joint", "power")
+    nothing |= {name: np.zeros(0, dtype=np.int64) for name in names}
+    names = ("value_start", "equation_start", "term_start", "rate_start", "power_start")
+    nothing |= {name: np.zeros(1, dtype=np.int64) for name in names}
+    flat = nothing | {"turn": np.zeros(2), "sliding": np.zeros(0, dtype=bool)}
+    conditions, wide = engine._kernel.ConditionSet(0, flat, False), np.full(2, np.inf)
+    for X in (np.array(0.0), np.zeros(2), np.zeros((3, 3)), np.zeros((1, 1, 2))):
+        with pytest.raises(ValueError, match="Q must have shape"):
+            conditions.nearest(X, -wide, wide, False, 1.0, 0.1, 10, 1)
 
 
 def test_without_the_extension_the_reason_is_given(isa: str) -> None:

@@ -104,15 +104,12 @@ def singular_values(
     Q: NDArray[np.float64],
     isa: str,
     threads: int,
-    max_sweeps: int,
-) -> tuple[NDArray[np.float64], bool]: ...
+) -> NDArray[np.float64]: ...
 def svdvals(
     A: NDArray[np.float64],
     isa: str,
     threads: int,
-    max_sweeps: int,
-    by_roots: bool,
-) -> tuple[NDArray[np.float64], bool]: ...
+) -> NDArray[np.float64]: ...
 def walks(
     R: NDArray[np.float64],
     t: NDArray[np.float64],
@@ -128,7 +125,6 @@ def walks(
     isa: str,
     threads: int,
     max_iterations: int,
-    max_sweeps: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 def joint_speeds(
     rows: NDArray[np.float64],

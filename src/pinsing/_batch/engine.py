@@ -43,10 +43,6 @@ _HERE: tuple[str, ...] = () if _missing is not None else tuple(_kernel.isa_names
 
 Floats = NDArray[np.float64]
 
-# dqds takes some 6 transformations for a value and 35 in the worst clusters seen; a matrix that
-# needs more goes to LAPACK.
-MAX_SWEEPS = 64
-
 
 def available() -> bool:
     """Return True if the compiled kernel is installed."""
@@ -121,35 +117,18 @@ def singular_values(
     if chain.n > module().MAX_COLUMNS:
         J = jacobians(chain, Q, threads=threads, isa=isa)
         return _lapack(J[:, rows] * np.array(scale)[:, None])
-    how = rows, scale, Q, *_how(isa, threads), MAX_SWEEPS
-    out, unfinished = module().singular_values(chain.R, chain.t, chain.prismatic, *how)
-    if unfinished:
-        left = np.isnan(out[:, 0])
-        J = jacobians(chain, Q[left], threads=threads, isa=isa)
-        out[left] = _lapack(J[:, rows] * np.array(scale)[:, None])
-    return np.asarray(out)
+    how = rows, scale, Q, *_how(isa, threads)
+    return np.asarray(module().singular_values(chain.R, chain.t, chain.prismatic, *how))
 
 
-def svdvals(
-    J: ArrayLike,
-    *,
-    threads: int | None = None,
-    isa: str | None = None,
-    max_sweeps: int = MAX_SWEEPS,
-    by_roots: bool = True,
-) -> Floats:
+def svdvals(J: ArrayLike, *, threads: int | None = None, isa: str | None = None) -> Floats:
     """Return singular values (N, min(m, n)), descending, of matrices J (N, m, n)."""
-    # A value that takes over ``max_sweeps`` leaves its matrix to LAPACK. ``by_roots``: all values
-    # at once first, dqds where they do not settle; else dqds alone. Else as `jacobians`.
+    # Else as `jacobians`.
     A, kernel = np.require(J, np.float64, ("C", "A")), module()
     rank = min(A.shape[1:])
     if rank > kernel.MAX_RANK or max(A.shape[1:]) > kernel.MAX_COLUMNS:
         return _lapack(A)
-    out, unfinished = kernel.svdvals(A, *_how(isa, threads), max_sweeps, by_roots)
-    if unfinished:
-        left = np.isnan(out[:, 0])
-        out[left] = _lapack(A[left])
-    return np.asarray(out)
+    return np.asarray(kernel.svdvals(A, *_how(isa, threads)))
 
 
 def _lapack(A: Floats) -> Floats:
@@ -233,6 +212,5 @@ def walks(
         np.ascontiguousarray(free, dtype=np.float64),
         *_how(isa, threads),
         min(max_iterations, 2**31 - 1),
-        MAX_SWEEPS,
     )
     return X, ends[:, 0].astype(np.intp), ends[:, 1] > 0

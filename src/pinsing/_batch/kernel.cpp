@@ -109,32 +109,31 @@ inline bool scaled_chain(const Chain& chain, const Task& task, double* t) {
 }
 
 Outcome singular_values(const ValueTask& wanted, const Batch& all) {
-    const auto& [chain, task, max_sweeps] = wanted;
+    const auto& [chain, task] = wanted;
     const int n = chain.n;
+    const Svd svd = svd_of(task.m, n);
     double t[3 * (kMaxColumns + 1)];
     if (scaled_chain(chain, task, t)) {
         const Chain scaled{n, chain.R, t, chain.prismatic};
-        const Svd svd = off_axis(scaled) ? svd_of(6, n, true) : svd_beside_unit(n);
         return for_each_block(all, 6 * n, [&](V** in, V** out, V* J, int) {
             tip_jacobian_block(scaled, in[0], J);
-            svd(J, out[0], max_sweeps, true);
+            svd(J, out[0], true);
         });
     }
-    const Svd svd = svd_of(task.m, n, true);
     return for_each_block(all, 12 * n, [&](V** in, V** out, V* J, int) {
         jacobian_block(chain, in[0], J);
         task_matrix(task, n, J, J + 6 * n);
-        svd(J + 6 * n, out[0], max_sweeps);
+        svd(J + 6 * n, out[0]);
     });
 }
 
 Outcome svdvals(const MatrixTask& wanted, const Batch& all) {
-    const auto& [m, n, max_sweeps, by_roots] = wanted;
-    const Svd svd = svd_of(m, n, by_roots);
+    const auto& [m, n] = wanted;
+    const Svd svd = svd_of(m, n);
     return for_each_block(all, m * n, [&](V** in, V** out, V* wide, int) {
         for (int i = 0; i < m && m > n; i++)
             for (int j = 0; j < n; j++) wide[j * m + i] = in[0][i * n + j];
-        svd(m > n ? wide : in[0], out[0], max_sweeps);
+        svd(m > n ? wide : in[0], out[0]);
     });
 }
 

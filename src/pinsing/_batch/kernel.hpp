@@ -38,17 +38,13 @@ struct Task {
     double factor[6];
 };
 
-// Singular values of a task. A value that takes dqds more than max_sweeps leaves its item NaN.
+// Singular values of a task, and of matrices m x n.
 struct ValueTask {
     Chain chain;
     Task task;
-    int max_sweeps;
 };
-
-// Those of matrices m x n: by roots first, or by dqds alone.
 struct MatrixTask {
-    int m, n, max_sweeps;
-    bool by_roots;
+    int m, n;
 };
 
 // How walks to rank drops go: see pinsing/kinematics/refine.py for each of the numbers. The chain is

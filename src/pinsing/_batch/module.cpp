@@ -101,39 +101,39 @@ pinsing::Task task_of(const std::vector<int>& rows, const std::vector<double>& f
     return task;
 }
 
-// Singular values, and whether those of any item are NaN.
-nb::tuple singular_values(const In& R, const In& t, const InFlags& prismatic, const std::vector<int>& rows,
-                          const std::vector<double>& factors, const In& Q, const std::string& isa,
-                          int threads, int max_sweeps) {
-    const pinsing::ValueTask task{chain_of(R, t, prismatic), task_of(rows, factors), max_sweeps};
+nb::object singular_values(const In& R, const In& t, const InFlags& prismatic, const std::vector<int>& rows,
+                           const std::vector<double>& factors, const In& Q, const std::string& isa,
+                           int threads) {
+    const pinsing::ValueTask task{chain_of(R, t, prismatic), task_of(rows, factors)};
     require(task.chain.n <= pinsing::kMaxColumns, "too many joints for the compiled singular values");
     Arrays all("Q", Q, {prismatic.size()});
     const nb::object S = all.make({std::min(rows.size(), prismatic.size())});
-    return nb::make_tuple(S, share(kernel_named(isa).singular_values, task, all, threads));
+    require(!share(kernel_named(isa).singular_values, task, all, threads), "a Jacobian overflows");
+    return S;
 }
 
-nb::tuple svdvals(const In& A, const std::string& isa, int threads, int max_sweeps, bool by_roots) {
+nb::object svdvals(const In& A, const std::string& isa, int threads) {
     require(A.ndim() == 3, "the matrices must have shape (N, m, n)");
     const std::size_t m = A.shape(1), n = A.shape(2), rank = std::min(m, n);
     require(rank >= 1 && rank <= pinsing::kMaxRank && std::max(m, n) <= pinsing::kMaxColumns,
             "matrices of this size are not covered");
-    const pinsing::MatrixTask task{static_cast<int>(m), static_cast<int>(n), max_sweeps, by_roots};
+    const pinsing::MatrixTask task{static_cast<int>(m), static_cast<int>(n)};
     Arrays all("the matrix", A, {m, n});
     const nb::object S = all.make({rank});
-    return nb::make_tuple(S, share(kernel_named(isa).svdvals, task, all, threads));
+    share(kernel_named(isa).svdvals, task, all, threads);
+    return S;
 }
 
 // `rules`: floor, good, stationary, no_minimum, longest, most_damping, stretch of WalkTask.
 nb::tuple walks(const In& R, const In& t, const InFlags& prismatic, const std::vector<int>& rows, int rank,
                 double size, const In& lower, const In& upper, const std::vector<double>& rules,
-                const In& Q, const In& free, const std::string& isa, int threads, int max_iterations,
-                int max_sweeps) {
+                const In& Q, const In& free, const std::string& isa, int threads, int max_iterations) {
     const std::size_t n = prismatic.size();
     require(rules.size() == 7, "there are seven rules");
     require_shape(lower, "lower", {n});
     require_shape(upper, "upper", {n});
     const std::vector<double> plain(rows.size(), 1.0);
-    const pinsing::WalkTask task{{chain_of(R, t, prismatic), task_of(rows, plain), max_sweeps}, rank, size,
+    const pinsing::WalkTask task{{chain_of(R, t, prismatic), task_of(rows, plain)}, rank, size,
                                  lower.data(), upper.data(), max_iterations, rules[0], rules[1],
                                  rules[2], rules[3], rules[4], rules[5], rules[6]};
     const int m = task.task.m;

@@ -115,8 +115,8 @@ public:
     // Nearest points of X (N, n): lower, upper, family, boxes (N,), points (N, n).
     nb::tuple nearest(const In& X, const In& lower_limit, const In& upper_limit, bool limited, double far,
                       double gap, std::int64_t boxes, int threads) const {
-        const std::size_t n = static_cast<std::size_t>(c_.n), N = X.shape(0), limits = lower_limit.size();
-        require_shape(X, "Q", {N, n});
+        const std::size_t n = static_cast<std::size_t>(c_.n), limits = lower_limit.size();
+        const std::size_t N = Arrays("Q", X, {n}).count;
         require(upper_limit.size() == limits &&
                     (limits == n || limits == n * static_cast<std::size_t>(c_.families)),
                 "limits must have shape (n,) or (families, n)");

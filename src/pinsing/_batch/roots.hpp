@@ -5,8 +5,8 @@
 // eigenvalues as its roots, which are real, and not negative. The method of Ehrlich ("A modified
 // Newton method for polynomials", 1967) and Aberth (1973) brings guesses to all of them at once:
 // x_i -= N / (1 - N sum 1 / (x_i - x_j)) with N = p / p', of third order. Nothing of it waits for
-// anything else, as the transformations of dqds do for each other. The last steps are those of
-// Weierstrass (1891; Durand 1960, Kerner 1966): x_i -= p(x_i) / prod (x_i - x_j), of second order,
+// anything else. The last steps are those of Weierstrass (1891; Durand 1960, Kerner 1966):
+// x_i -= p(x_i) / prod (x_i - x_j), of second order,
 // which is enough next to the roots, and needs no derivative.
 //
 // The guesses: four root-squaring steps of Graeffe make the coefficients c_k those of the roots'
@@ -15,7 +15,7 @@
 // Aberth's method", 1996). For real roots these ratios decrease (Newton's inequalities), so that the
 // guesses are in order.
 //
-// Why the roots are as good as those of dqds, though coefficients of a polynomial condition its
+// Why the roots are as good as those of rotations, though coefficients of a polynomial condition its
 // roots badly: coefficients only make the guesses. The last steps evaluate p by the recurrence
 //
 //     w = p_k - e_k-1 w,   p_k+1 = x w - q_k p_k      (p_k: the leading block, w: with e beside it)
@@ -34,7 +34,7 @@
 // delta for each, the nearest root for all, and the quotient's own error, is below rounding; (b) the
 // roots are in order, and not negative; (c) their sum and the sum of their squares are the trace of T
 // and of T^2 to 1e-13; (d) their product is the determinant to 1e-12: it is what sees a wrong small
-// value, which the sums hardly do. All other lanes, of clusters above all, are left to dqds. Each
+// value, which the sums hardly do. All other lanes, of clusters above all, are left to rotations. Each
 // lane is judged by itself alone, so that no result depends on its neighbours.
 
 constexpr int kGraeffe = 4;
@@ -77,9 +77,8 @@ PINSING_INLINE void products_of_distances(const One* x, One* product, One* neare
     for (int i = 1; i < K; i += 2) product[i] = -1.0 * product[i];
 }
 
-// c[0..K]: coefficients of p(-x), highest first, which are sums of positive terms. With `Wide`, here and
-// below, e[K - 1] stands beside the last diagonal entry: p is the last w.
-template <int K, bool Wide>
+// c[0..K]: coefficients of p(-x), highest first, which are sums of positive terms.
+template <int K>
 PINSING_INLINE void coefficients(const One* q, const One* e, One* c) {
     One w[K];
     c[0] = w[0] = spread(1.0);
@@ -91,10 +90,6 @@ PINSING_INLINE void coefficients(const One* q, const One* e, One* c) {
         c[k + 1] = q[k] * c[k];
         PINSING_UNROLL
         for (int j = k; j >= 1; j--) c[j] = w[j] + q[k] * c[j - 1];
-    }
-    if (Wide) {
-        PINSING_UNROLL
-        for (int j = K; j >= 1; j--) c[j] += e[K - 1] * w[j - 1];
     }
 }
 
@@ -146,7 +141,7 @@ PINSING_INLINE void early_step(const One* c, One* x) {
 }
 
 // p at y by the recurrence.
-template <int K, bool Wide>
+template <int K>
 PINSING_INLINE One recurrence(const One* q, const One* e, One y) {
     One p = y - q[0];
     One w = p - e[0];
@@ -156,16 +151,16 @@ PINSING_INLINE One recurrence(const One* q, const One* e, One y) {
         w = p - e[k - 1] * w;
         p = y * w - q[k] * p;
     }
-    return Wide ? p - e[K - 1] * w : p;
+    return p;
 }
 
 // Singular values S, descending; the mask of the lanes where they are right.
-template <int K, bool Wide>
+template <int K>
 static __attribute__((noinline)) OneMask roots_of(const One* q_in, const One* e_in, One* S) {
     One q[K], e[K], c[K + 1], x[K];
     for (int k = 0; k < K; k++) q[k] = q_in[k];
-    for (int k = 0; k < K - !Wide; k++) e[k] = e_in[k];
-    coefficients<K, Wide>(q, e, c);
+    for (int k = 0; k < K - 1; k++) e[k] = e_in[k];
+    coefficients<K>(q, e, c);
     const One trace = c[1];
     const One squares = trace * trace - 2.0 * c[2];
 
@@ -177,13 +172,12 @@ static __attribute__((noinline)) OneMask roots_of(const One* q_in, const One* e_
     PINSING_UNROLL
     for (int step = 0; step < kEarly; step++) early_step<K>(c, x);
 
-
     for (int step = 0; step < kRootSteps; step++) {
         One product[K], nearest[K], delta[K];
         products_of_distances<K>(x, product, nearest);
         PINSING_UNROLL
         for (int i = 0; i < K; i++)
-            delta[i] = early_quotient(recurrence<K, Wide>(q, e, x[i]), product[i]);
+            delta[i] = early_quotient(recurrence<K>(q, e, x[i]), product[i]);
         OneMask settled = ~hopeless;
         One widest = vabs(delta[0]);
         for (int i = 1; i < K; i++) widest = vmax(widest, vabs(delta[i]));

@@ -45,20 +45,13 @@ PINSING_INLINE void before_placement(const double* R, const double* t, One* W, O
             for (int r = 0; r < 3; r++) d[r] += W[3 * r + k] * t[k];
 }
 
-// Whether the tip lies beside the last joint's axis; where not, the last column is (0, 0, 0, 0, 0, 1).
-PINSING_INLINE bool off_axis(const Chain& chain) {
-    const double* tip = chain.t + 3 * chain.n;
-    return tip[0] != 0.0 || tip[1] != 0.0;
-}
-
 // One machine vector at a time: both halves of a block do not fit the registers, and what hides the
 // latency of one joint are the sines and cosines of the others.
-// q[n] and J[6 n], n >= 2, of one half of a block; row r of joint i at J[2 (r n + i)]. A last column
-// of (0, 0, 0, 0, 0, 1) is not written.
+// q[n] and J[6 n], n >= 2, of one half of a block; row r of joint i at J[2 (r n + i)].
 static __attribute__((noinline)) void tip_jacobian_half(const Chain& chain, const One* q, One* J) {
     const int n = chain.n;
     const double* tip = chain.t + 3 * n;
-    const bool off = off_axis(chain);
+    const bool off = tip[0] != 0.0 || tip[1] != 0.0;  // beside the last joint's axis
     One sine[kMaxColumns], cosine[kMaxColumns];
     for (int i = 1; i < n - !off; i++) sincos(q[2 * i], sine[i], cosine[i]);
 
@@ -71,15 +64,13 @@ static __attribute__((noinline)) void tip_jacobian_half(const Chain& chain, cons
         W[3] = -1.0 * sine[n - 1];
     }
     for (int i = n - 1;; i--) {
-        if (off || i < n - 1) {
-            const One x = W[2], y = W[5], z = W[8];
-            J[2 * i] = y * d[2] - z * d[1];
-            J[2 * (n + i)] = z * d[0] - x * d[2];
-            J[2 * (2 * n + i)] = x * d[1] - y * d[0];
-            J[2 * (3 * n + i)] = x;
-            J[2 * (4 * n + i)] = y;
-            J[2 * (5 * n + i)] = z;
-        }
+        const One x = W[2], y = W[5], z = W[8];
+        J[2 * i] = y * d[2] - z * d[1];
+        J[2 * (n + i)] = z * d[0] - x * d[2];
+        J[2 * (2 * n + i)] = x * d[1] - y * d[0];
+        J[2 * (3 * n + i)] = x;
+        J[2 * (4 * n + i)] = y;
+        J[2 * (5 * n + i)] = z;
         if (i == 0) break;
         before_placement(chain.R + 9 * i, chain.t + 3 * i, W, d);
         if (i == 1) continue;

@@ -2,61 +2,11 @@
 //
 // The method, and its reasons, are those of pinsing/kinematics/refine.py, which is the same in
 // NumPy: U0^T (J + sum_j dJ/dq_j dq_j) V0 = 0 by damped least-norm steps. Here the spaces U0 and V0
-// come from one-sided Jacobi rotations (Hestenes 1958; de Rijk 1989 for the order of columns), which
-// find small singular vectors as exactly as large ones; the derivative from partial sums of columns.
+// come from the rotations of svd.hpp, the derivative from partial sums of columns.
 //
-// A lane that has arrived is computed on with the others, without effect. A rotation that a lane
-// does not need is the identity to the last bit, so that no lane depends on its neighbours.
-constexpr int kJacobiSweeps = 16;
-constexpr double kParallel = 4.0e-16;  // cosine of an angle between columns that are orthogonal
-constexpr double kNoLength = 1.0e-31;  // square of a column that is nothing but rounding
+// A lane that has arrived is computed on with the others, without effect.
 constexpr double kNothing = 1.0e-28;   // square of an equation, over the longest one's, that is none
 constexpr double kTiny = 1.0e-12;      // sigma_r / sigma_1 from which J v_r has no direction left
-
-// Turns `count` columns of `length` entries each to orthogonal ones, longest first, and `more`
-// entries behind them along. Column k is at C + k * stride.
-static __attribute__((noinline)) void orthogonalise(V* C, int count, int length, int more,
-                                                    int stride) {
-    for (int sweep = 0; sweep < kJacobiSweeps; sweep++) {
-        V longest = broadcast(0.0);
-        for (int k = 0; k < count; k++) {
-            V square = broadcast(0.0);
-            for (int i = 0; i < length; i++) square += C[k * stride + i] * C[k * stride + i];
-            longest = vmax(longest, square);
-        }
-        const V nothing = longest * kNoLength;
-        Mask turned = none();
-        for (int k = 0; k < count - 1; k++) {
-            for (int l = k + 1; l < count; l++) {
-                V* x = C + k * stride;
-                V* y = C + l * stride;
-                V a = broadcast(0.0), b = a, g = a;
-                for (int i = 0; i < length; i++) {
-                    a += x[i] * x[i];
-                    b += y[i] * y[i];
-                    g += x[i] * y[i];
-                }
-                const Mask swap = a < b;
-                const V low = select(swap, a, b), high = select(swap, b, a);
-                const Mask turn =
-                    (g * g > (high * low) * (kParallel * kParallel)) & (low > nothing);
-                if (!any(swap | turn)) continue;
-                turned = turned | turn;
-                // x' = c x - s y, y' = s x + c y for the longer x and the shorter y.
-                const V z = (low - high) / select(turn, g + g, broadcast(1.0));
-                V t = copysign(1.0 / (vabs(z) + vsqrt(1.0 + z * z)), z);
-                t = select(turn, t, broadcast(0.0));
-                const V c = 1.0 / vsqrt(1.0 + t * t), s = c * t;
-                for (int i = 0; i < length + more; i++) {
-                    const V p = select(swap, y[i], x[i]), r = select(swap, x[i], y[i]);
-                    x[i] = c * p - s * r;
-                    y[i] = s * p + c * r;
-                }
-            }
-        }
-        if (!any(turned)) break;
-    }
-}
 
 // Columns (n, m + n) of the rows of a Jacobian over a unit matrix, and rows (m, n + m) beside one, to be
 // made orthogonal.
@@ -78,7 +28,7 @@ static void ends_of_spectrum(const WalkTask& w, const V* q, V* J, V& first, V& l
     V A[6 * kWalkJoints], S[kMaxRank];
     jacobian_block(w.chain, q, J);
     task_matrix(w.task, n, J, A);
-    svd_of(m, n, true)(A, S, w.max_sweeps);
+    svd_of(m, n)(A, S);
     first = S[0];
     last = S[w.rank - 1];
 }
