@@ -33,9 +33,7 @@ def check_writable(path: str | os.PathLike[str], *, inputs: tuple[str | Path, ..
             not str(path) or "\0" in str(path),
             "the name of the output file is empty or has a null character",
         )
-        OutputError.refuse_if(
-            not _is_name(path), "the name of the output file holds half a character"
-        )
+        os.fsencode(path)
         OutputError.refuse_if(
             not folder.is_dir(),
             f"cannot write {shown}: there is no folder {shown_path(folder)}; create it first",
@@ -59,6 +57,8 @@ def check_writable(path: str | os.PathLike[str], *, inputs: tuple[str | Path, ..
         )
     except OutputError:
         raise
+    except UnicodeEncodeError:
+        raise OutputError("the name of the output file holds half a character") from None
     except OSError as error:
         raise OutputError(f"cannot write {shown}: {why(error)}") from None
     return path
@@ -136,14 +136,6 @@ def sync_folder(folder: Path) -> None:
 def is_temporary(name: str) -> bool:
     """Return True if a file of that name may be what a killed process left of a write."""
     return name.startswith(".") and name.endswith(TEMPORARY)
-
-
-def _is_name(path: Path) -> bool:
-    try:
-        os.fsencode(path)
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 def _write_all(handle: int, data: bytes) -> None:

@@ -168,7 +168,10 @@ def _refusal(name: str, kind: _Kind, value: Any) -> ConfigurationError | Argumen
     hint = hint and f"{hint} gives one"
     if kind.hint.startswith("pinsing.load("):
         if isinstance(value, str | os.PathLike):
-            hint = f"load it first, {_load_call(os.fspath(value))}"
+            path = os.fspath(value)
+            short = isinstance(path, str) and path.isprintable() and 0 < len(path) <= _LONGEST
+            robot = json.dumps(path if short else "ur5", ensure_ascii=False)
+            hint = f"load it first, pinsing.load({robot})"
         elif said == "the class Model":
             hint = "load a built one, pinsing.load(pin.buildModelFromUrdf(path))"
         elif called in ("Model", "Data"):
@@ -204,11 +207,6 @@ def _holds(
 
 def _is_nan(value: Any) -> bool:
     return isinstance(value, float | np.floating) and math.isnan(value)
-
-
-def _load_call(robot: str | bytes) -> str:
-    short = isinstance(robot, str) and robot.isprintable() and 0 < len(robot) <= _LONGEST
-    return f"pinsing.load({json.dumps(robot if short else 'ur5', ensure_ascii=False)})"
 
 
 def _cut(text: str) -> str:
@@ -413,17 +411,13 @@ def number_text(value: float, slides: bool, degrees: bool, digits: int) -> str:
     """A joint value as it is typed, radians or ``degrees``; quarter turns are exact."""
     quarters = round(value / (math.pi / 2))
     if not slides and quarters and abs(value - quarters * math.pi / 2) < 1e-14 * abs(value):
-        return f"{90 * quarters}" if degrees else _quarter_turns(quarters)
+        # pi/2, -pi, 3pi/2
+        top, bottom = (abs(quarters), "/2") if quarters % 2 else (abs(quarters) // 2, "")
+        turned = f"{'-' * (quarters < 0)}{top if top > 1 else ''}pi{bottom}"
+        return f"{90 * quarters}" if degrees else turned
     if abs(value) < 10.0 ** -min(digits + 3, _EXACT):
         return "0"
     return f"{math.degrees(value) if degrees and not slides else value:.{digits}g}"
-
-
-def _quarter_turns(quarters: int) -> str:
-    """``pi/2``, ``-pi``, ``3pi/2``."""
-    sign = "-" if quarters < 0 else ""
-    top, bottom = (abs(quarters), "/2") if quarters % 2 else (abs(quarters) // 2, "")
-    return f"{sign}{top if top > 1 else ''}pi{bottom}"
 
 
 class JsonResult(Advised):

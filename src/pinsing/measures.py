@@ -94,9 +94,8 @@ class Reachability(str, Enum):
     @staticmethod
     def of(known: bool | None) -> Reachability:
         """The member that ``known`` tells of."""
-        if known is None:
-            return Reachability.UNKNOWN
-        return Reachability.INSIDE if known else Reachability.OUTSIDE
+        inside, outside = Reachability.INSIDE, Reachability.OUTSIDE
+        return {None: Reachability.UNKNOWN, True: inside, False: outside}[known]
 
     def __str__(self) -> str:
         return self.value

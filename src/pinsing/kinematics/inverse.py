@@ -99,13 +99,11 @@ class Solver:
         self.weight = np.where(arm.prismatic, 1 / self.scale, 1.0)[self.free]
         self._stalled = np.empty((0, arm.n + 1))  # ends (K, n) of starts, and what was left there
 
-    def solve(
-        self, Q: Array, steps: int = _ITERATIONS, remember: bool = False
-    ) -> tuple[Array, Array]:
+    def solve(self, Q: Array, remember: bool = False) -> tuple[Array, Array]:
         """Return solutions (K, n) reached from starts Q (N, n), and residuals (K,)."""
         # Of others ``doubt`` knows if asked to. A pose whose squares overflow is reached by none.
         with np.errstate(over="ignore", invalid="ignore"):
-            Q, left = self._descend(Q.copy(), steps)
+            Q, left = self._descend(Q.copy())
         good = left < SOLVED
         if remember:
             # What is left of the pose below which a start all but reached it: radians, or length
@@ -126,12 +124,12 @@ class Solver:
             "singular configurations: there may be a solution there"
         )
 
-    def _descend(self, Q: Array, steps: int) -> tuple[Array, Array]:
+    def _descend(self, Q: Array) -> tuple[Array, Array]:
         damping = np.full(len(Q), 1e-2)
         error, J = self.linear(Q)
         cost = (error**2).sum(axis=1)
         alive = np.isfinite(cost)
-        for _ in range(steps):
+        for _ in range(_ITERATIONS):
             live = np.flatnonzero(alive)
             if not len(live):
                 break
@@ -771,7 +769,11 @@ class InverseMany:
         )
         spare, reaches = arm.n - (held is not None), arm.task.name == "pose"
         reaches = reaches and generic_rank(arm) == 6
-        names = _redundant(arm) if reaches and arm.n == 7 else list(arm.joints)
+        names = list(arm.joints)
+        if reaches and arm.n == 7:  # what may be held while the others move the tip in all ways
+            J = task_jacobian(arm, np.cos(1.0 + np.arange(arm.n)))
+            least = [np.linalg.svd(np.delete(J, j, axis=1))[1][-1] for j in range(arm.n)]
+            names = [j for j, sigma in zip(names, least, strict=True) if sigma > PRACTICAL]
         with_it = "" if held is None else f" with {arm.joints[held]} held"
         free = f"; free (--free) may be one of {', '.join(names)}" * (reaches and arm.n == 7)
         OptionError.refuse_if(
@@ -917,13 +919,6 @@ class InverseMany:
 def _filled(Q: Array) -> Array:
     """Return nodes (..., S, n) without the slots at the end that none of them needs."""
     return Q[..., : max(1, int(np.isfinite(Q[..., 0]).sum(axis=-1).max(initial=0))), :]
-
-
-def _redundant(arm: Arm) -> list[str]:
-    """Return the joints that may be held while the others move the tip in all directions."""
-    J = task_jacobian(arm, np.cos(1.0 + np.arange(arm.n)))
-    others = [np.linalg.svd(np.delete(J, j, axis=1), compute_uv=False) for j in range(arm.n)]
-    return [j for j, sigma in zip(arm.joints, others, strict=True) if sigma[-1] > PRACTICAL]
 
 
 def _distinct(Q: Array, arm: Arm) -> Array:

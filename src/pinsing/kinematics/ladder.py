@@ -182,7 +182,7 @@ def _discriminant(c0: Array, c1: Array, c2: Array, c3: Array, sign: float = 1.0)
     )
 
 
-def one_root_left(cubic: Point, most: int = MOST) -> bool:
+def one_root_left(cubic: Point) -> bool:
     """Return True if the discriminant is proven negative all over the torus of q2 and q3."""
     # It is largest somewhere: where no box around shows growth in some direction.
     (amplitude, phase, rate), made = cubic.expanded(), 0
@@ -199,7 +199,7 @@ def one_root_left(cubic: Point, most: int = MOST) -> bool:
         made += len(x)
         h = width / 2 * (1 + 1e-9)  # a little too wide: rounding leaves no gap
         value = cubic.discriminant(x) + cubic.rounding
-        if made > most or (value >= 0).any():
+        if made > MOST or (value >= 0).any():
             return False
         angle = x @ rate.T + phase
         gradient = -(amplitude * np.sin(angle)) @ rate

@@ -139,6 +139,8 @@ def _kind(lost: Array, N: Array, H: Array) -> tuple[Kind, tuple[Array, Array] | 
         # No second order at all: every lost u must become attainable along some self-motion.
         reach = np.linalg.svd((B @ N).reshape(len(B), -1), compute_uv=False)
         return "interior" if reach[-1] > tol else UNDECIDED, None
+    if Q.shape[1] == 1:
+        return "boundary", None  # some combination of numbers that are not all zero is positive
     best, directions = _most_definite(Q)
     if abs(best) > tol:
         return "boundary" if best > 0 else "interior", None
@@ -170,15 +172,11 @@ def _lost(arm: Arm, q: Array, left: Array, N: Array, H: Array, rank: int) -> Arr
 
 def _most_definite(Q: Array) -> tuple[float, Array]:
     """Greatest smallest eigenvalue of sum_a u_a Q_a over unit u, and the u that reach it."""
-    k, p = Q.shape[0], Q.shape[1]
+    k = len(Q)
     if k == 1:
         u = np.array([[1.0], [-1.0]])
         value = np.linalg.eigvalsh(u[:, :, None] * Q)[:, 0]
         return float(value.max()), u[value >= value.max() - 1e-9 * np.abs(Q).max()]
-    if p == 1:
-        vector = Q[:, 0, 0]
-        size = float(np.linalg.norm(vector))
-        return size, vector[None] / size
     # The function is concave and of degree one: its ascent has no false maxima above zero.
     rng = np.random.default_rng(SEED)
     u = np.concatenate([np.eye(k), -np.eye(k), rng.standard_normal((4 * k, k))])

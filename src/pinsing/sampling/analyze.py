@@ -18,7 +18,6 @@ from pinsing.families.form import answer_text, families_text
 from pinsing.interface import MAX_SEED, MAX_STARTS, JsonResult, checked, whole_number
 from pinsing.kinematics.jacobian import NEAR_RTOL, SINGULAR_RTOL, measure, ratios
 from pinsing.kinematics.refine import (
-    SingularConfiguration,
     approach,
     describe,
     describe_many,
@@ -229,7 +228,11 @@ class _Collector:
             if found and time.monotonic() > until:
                 break
             candidates, reachable = self._candidates(condition, rows)
-            chosen = _representative(self.exact, candidates)
+            # The first that loses one rank only and is boundary or interior, if any.
+            described = describe_many(self.exact, candidates[:_CANDIDATES])
+            simple = [c for c in described if c.rank == c.generic_rank - 1]
+            decided = [c for c in simple if c.kind != "undecided"]
+            chosen = (decided or simple or described)[0]
             found.append(
                 Finding(
                     status="singular",
@@ -283,14 +286,6 @@ def on_condition(arm: Arm, condition: JointCondition, Q: Array, tol: float = ALI
 def row_of(values: Mapping[str, float], arm: Arm) -> Array:
     """Values by joint as a row (n,), NaN where a joint has none."""
     return np.array([values.get(name, np.nan) for name in arm.joints])
-
-
-def _representative(exact: Arm, Q: Array) -> SingularConfiguration:
-    """The first of Q (P, n) that loses one rank only and is boundary or interior, if any."""
-    described = describe_many(exact, Q[:_CANDIDATES])
-    simple = [c for c in described if c.rank == c.generic_rank - 1]
-    decided = [c for c in simple if c.kind != "undecided"]
-    return (decided or simple or described)[0]
 
 
 def _valleys(

@@ -129,7 +129,18 @@ def open_run(
         if known is None:
             plan = {"schema": _SCHEMA, "identity": folder.identity, "sha256": folder.digest}
             folder.write_bytes(root / _PLAN, (json.dumps(plan, indent=2) + "\n").encode())
-        _tidy(folder)
+        # What killed processes were writing goes; what no chunk can be written over is refused.
+        with _reported(f"cannot use {root}"):
+            for place in (root, root / _CHUNKS):
+                with os.scandir(place) as entries:
+                    for entry in list(entries):
+                        if is_temporary(entry.name) and entry.is_file(follow_symlinks=False):
+                            os.unlink(entry.path)
+            for path in map(folder.chunk_path, folder.kept()):
+                OutputError.refuse_if(
+                    stat.S_ISDIR(os.lstat(path).st_mode),
+                    f"cannot use {path}: it is a folder; remove it",
+                )
         yield folder
 
 
@@ -197,22 +208,6 @@ def _locked(root: Path) -> Iterator[None]:
                     f"another process is at work in {root}; wait for it, or give another folder"
                 ) from None
         yield
-
-
-def _tidy(folder: RunFolder) -> None:
-    """Remove what killed processes were writing; refuse what no chunk can be written over."""
-    with _reported(f"cannot use {folder.path}"):
-        for place in (folder.path, folder.path / _CHUNKS):
-            with os.scandir(place) as entries:
-                for entry in list(entries):
-                    if is_temporary(entry.name) and entry.is_file(follow_symlinks=False):
-                        os.unlink(entry.path)
-        for index in folder.kept():
-            path = folder.chunk_path(index)
-            OutputError.refuse_if(
-                stat.S_ISDIR(os.lstat(path).st_mode),
-                f"cannot use {path}: it is a folder; remove it",
-            )
 
 
 def _difference(known: Mapping[str, Any], asked: Mapping[str, Any]) -> str:
