@@ -516,8 +516,14 @@ def loss_at(arm: Arm, q: Array, rtol: float = SINGULAR_RTOL, near_rtol: float = 
     found = Loss(J, sigma, ratio, status, rank_of(arm, sigma, rtol), Vt[rank:].T, tool)
     if status == REGULAR:
         return found
-    never = never_produced(arm)
-    missing = _in_all_rows(arm, _without(U[:, rank:], never), q)
+    missing, never = U[:, rank:], never_produced(arm)
+    if never.shape[1] or missing.shape[1] > 1:  # an orthonormal basis of what is left
+        left, sizes, _ = np.linalg.svd(missing - never @ (never.T @ missing), full_matrices=False)
+        missing = left[:, sizes > 0.5]
+    missing = np.asarray(task_rows(arm, np.eye(6), q).T @ missing)  # as directions in base axes
+    tip = arm.task.tip_rows
+    if any(tip) and not all(tip):  # rows in the axes of both need not be perpendicular
+        missing = np.linalg.qr(missing)[0]
     hardly = status == NEAR_SINGULAR
     (axes,) = JointAxes.each(J[None], arm.prismatic, position)
     tool = replace(tool, landmarks=landmarks(arm, axes))
@@ -536,22 +542,6 @@ def never_produced(arm: Arm) -> Array:
     """Orthonormal task directions (m, k) that the arm can produce at no configuration."""
     U, sigma, _ = np.linalg.svd(np.concatenate(list(generic_task(arm)), axis=1))
     return np.asarray(U[:, int((sigma > SINGULAR_RTOL * sigma[0]).sum()) :])
-
-
-def _without(U: Array, other: Array) -> Array:
-    """Orthonormal basis of what is left of the columns of U (m, d) beside those of ``other``."""
-    if U.shape[1] == 1 and not other.shape[1]:
-        return U
-    left, sigma, _ = np.linalg.svd(U - other @ (other.T @ U), full_matrices=False)
-    return np.asarray(left[:, sigma > 0.5])
-
-
-def _in_all_rows(arm: Arm, U: Array, q: Array) -> Array:
-    """Task directions (m, d) as directions (6, d), base axes, none of what the task leaves out."""
-    out = np.asarray(task_rows(arm, np.eye(6), q).T @ U)
-    tip = arm.task.tip_rows
-    # Rows in the axes of both need not be perpendicular.
-    return out if all(tip) or not any(tip) else np.asarray(np.linalg.qr(out)[0])
 
 
 def _self_motions(V: Array, arm: Arm) -> tuple[SelfMotion, ...]:
