@@ -9,9 +9,12 @@ from singular_sets import RIGHT, Joint, build, closed
 
 import pinsing
 from pinsing._batch import engine
+from pinsing.algebra import conditions as search
+from pinsing.algebra.budget import PER_SECOND
 from pinsing.algebra.conditions import (
     Conditions,
     JointValue,
+    Nearest,
     SearchOptions,
     nearest_points,
     two_sided,
@@ -94,6 +97,27 @@ def test_where_boxes_end_all_families_have_been_looked_at() -> None:
         assert (found.lower >= np.minimum(pinsing.clearance(form, Q).lower, whole)).all()
         assert (found.lower >= share * whole).all()
         assert (found.lower <= whole * (1 + 1e-6)).all()
+
+
+def test_long_equations_end_a_search_by_their_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A finger of Alex (8 joints) took a minute a point: fewer boxes, unless told how many."""
+    family = next(f for f in closed("panda").families if f.branches[0].equations)
+    conditions = family.conditions(None, "euclidean")
+    Q = np.random.default_rng(1).uniform(-3, 3, (4, 7))
+
+    def found(boxes: int | None = None, compiled: bool = True) -> Nearest:
+        options = SearchOptions(gap=1e-9, boxes=boxes)
+        return nearest_points(conditions, Q, *family.limits, options, compiled=compiled)
+
+    terms = sum(s.rate.size for s in conditions.sums)
+    assert conditions.box == pytest.approx(20 + terms / 6)
+    monkeypatch.setattr(search, "WORK", 20 * conditions.box / PER_SECOND)
+    for compiled in (True, False):
+        few, many = found(compiled=compiled), found(5000, compiled)
+        assert (few.boxes <= 20 + (2 if compiled else 512)).all()
+        assert (few.boxes < many.boxes).any()
+        assert (few.lower <= many.upper).all()
+        assert (many.lower <= few.upper).all()
 
 
 @pytest.mark.parametrize("compiled", [True, False])

@@ -34,6 +34,7 @@ from typing import Any
 import numpy as np
 
 from pinsing._batch import engine
+from pinsing.algebra.budget import PER_SECOND
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.ring import Value
 from pinsing.algebra.trig_sum import COMBINED, TINY, At, TrigSum, least_norm, off_values, to_zeros
@@ -219,6 +220,11 @@ class Conditions:
     def sums(self) -> tuple[TrigSum, ...]:
         """The sums of all branches, one after the other."""
         return tuple(s for b in self.branches for s in b.sums)
+
+    @cached_property
+    def box(self) -> float:
+        """Products of a budget that a box of a search costs: six terms take the time of one."""
+        return _BOX + sum(s.rate.size for s in self.sums) / 6
 
     def size(self, X: Array) -> Array:
         """Length (...,) of differences X (..., n)."""
@@ -673,8 +679,14 @@ GAP = 1e-6
 """Upper less lower bound at which a search ends."""
 
 BOXES = 300_000
-"""Boxes for one configuration: half a second of the compiled search. Arms of the catalogue take up
-to 10,000 for the default gap."""
+"""Boxes for one configuration at most: half a second of the compiled search, of sums of some dozen
+terms. Arms of the catalogue take up to 10,000 for the default gap."""
+WORK = 10.0
+"""Seconds of a budget: of `suggest`, where arms of the catalogue use 3.2 at most, and of a search
+whose number of boxes is not given. All BOXES of sums of a hundred terms take less; chains with
+thousands of terms take a minute for these, and the last nine tenths of it gain next to nothing."""
+_BOX = 20.0
+"""Products that a box costs besides its terms."""
 
 
 @dataclass(frozen=True)
@@ -682,15 +694,17 @@ class SearchOptions:
     """How far, and among which points, the nearest one is searched."""
 
     gap: float = GAP  # upper less lower bound at which a search may end, in weighted coordinates
-    # boxes looked at for one configuration; after them the bounds reached so far are returned
-    boxes: int = BOXES
+    # boxes looked at for one configuration, after which the bounds reached so far are returned;
+    # None for BOXES, or as many as WORK allows
+    boxes: int | None = None
     # whether only points within the joint limits count. Otherwise revolute differences are wrapped,
     # and all values of prismatic joints allowed
     within_limits: bool = False
 
     def __post_init__(self) -> None:
         OptionError.refuse_if(not self.gap > 0, f"gap must be positive, got {self.gap!r}")
-        whole_number(self.boxes, "boxes", 1, 10**12)
+        if self.boxes is not None:
+            whole_number(self.boxes, "boxes", 1, 10**12)
 
 
 @dataclass(frozen=True, eq=False)
@@ -728,6 +742,7 @@ def nearest_points(
         each[..., 0] = np.maximum(each[..., 0], plain.lower[:, None])
         least = margin.take_off(Q, each).min(axis=1, initial=np.inf)
         return replace(plain, lower=np.minimum(least, plain.upper))
+    boxes = options.boxes or max(1, min(BOXES, int(WORK * PER_SECOND / conditions.box)))
     X = conditions.scaled(Q)
     N, n = X.shape
     low = np.ascontiguousarray(np.asarray(lower, dtype=float) * conditions.weight)
@@ -735,16 +750,16 @@ def nearest_points(
     far = 100.0 + float(np.abs(X).max(initial=0.0))  # how far slides without limits are searched
     handle = conditions.compiled if compiled else None
     if handle is not None:
-        how = options.within_limits, far, options.gap, options.boxes, engine.cpu_count()
-        least, most, family, boxes, points = handle.nearest(X, low, high, *how)
+        how = options.within_limits, far, options.gap, boxes, engine.cpu_count()
+        least, most, family, looked, points = handle.nearest(X, low, high, *how)
     else:
         least, most, points = np.full(N, np.inf), np.full(N, np.inf), X.copy()
-        family, boxes = np.full(N, -1, dtype=np.int64), np.empty(N, dtype=np.int64)
+        family, looked = np.full(N, -1, dtype=np.int64), np.empty(N, dtype=np.int64)
         within = np.broadcast_to(np.stack([low, high], axis=-2), (conditions.families, 2, n))
         for i, x in enumerate(X):
-            found = _nearest_by_boxes(conditions, x, within, far, options)
-            least[i], most[i], family[i], points[i], boxes[i] = found
-    return Nearest(least, most, family, points / conditions.weight, boxes)
+            found = _nearest_by_boxes(conditions, x, within, far, replace(options, boxes=boxes))
+            least[i], most[i], family[i], points[i], looked[i] = found
+    return Nearest(least, most, family, points / conditions.weight, looked)
 
 
 def _nearest_by_boxes(
@@ -770,7 +785,7 @@ def _nearest_by_boxes(
             left = float(np.sqrt(max(upper**2 - fixed**2, 0.0)))
             room = left if np.isfinite(upper) and c.norm != "max" else upper
             boxes = _Boxes(c, branch, x, limits[branch.family], far, options, room)
-            looked += boxes.run(options.boxes - looked)
+            looked += boxes.run((options.boxes or BOXES) - looked)
             if boxes.point is not None:
                 upper = min(upper, float(c.joined(np.array(fixed), np.array(boxes.best))))
                 family, point = branch.family, np.where(boxes.used, boxes.point, target)

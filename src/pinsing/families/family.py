@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pinsing.algebra.components import Component
-from pinsing.algebra.conditions import BOXES, GAP, Branch, Conditions, SearchOptions
+from pinsing.algebra.conditions import GAP, Branch, Conditions, SearchOptions
 from pinsing.algebra.equation import PLAIN, Equation, format_angle, latex_symbol
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.families.at_once import LONG, AtOnce, SolvedFor, long_form, long_ones
@@ -373,7 +373,7 @@ class Family(JsonResult):
         q: ArrayLike,
         *,
         gap: float = GAP,
-        boxes: int = BOXES,
+        boxes: int | None = None,
         within_limits: bool = False,
         weights: ArrayLike | None = None,
         norm: str = "euclidean",
@@ -390,8 +390,8 @@ class Family(JsonResult):
             Radians and metres.
         gap : float
             Largest ``upper - lower`` at which the search ends by itself.
-        boxes : int
-            Boxes that the search may look at.
+        boxes : int, optional
+            Boxes that the search may look at; by default as many as `clearance` does.
         within_limits : bool
             Whether only configurations within the joint limits count, wider by
             ``limit_tolerance`` where the family is only at them; then revolute

@@ -20,6 +20,7 @@ from pinsing.algebra.budget import PER_SECOND, Budget
 from pinsing.algebra.conditions import (
     BOXES,
     GAP,
+    WORK,
     Bounds,
     Conditions,
     Margin,
@@ -465,7 +466,7 @@ def clearance(
     families: Sequence[str] | None = None,
     certify: bool = False,
     gap: float = GAP,
-    boxes: int = BOXES,
+    boxes: int | None = None,
     within_limits: bool = False,
     weights: ArrayLike | None = None,
     norm: str = "euclidean",
@@ -490,9 +491,11 @@ def clearance(
         Whether to search until the bounds are within ``gap``.
     gap : float
         With ``certify``: upper less lower bound at which the search ends.
-    boxes : int
+    boxes : int, optional
         With ``certify``: boxes for each configuration, after which the bounds reached so far are
-        returned.
+        returned. By default 300,000, and fewer where equations are so long that these would take
+        more than some seconds: the bounds of such an arm hold too, and more boxes bring them
+        closer together.
     within_limits : bool
         Whether only singular configurations within the joint limits count. Without ``certify``
         that leaves out families that are proven to have none, and ``upper`` is infinite.
@@ -722,7 +725,7 @@ class Distances(JsonResult):
     notes: tuple[str, ...] = field(default=(), metadata={"optional": True})
 
 
-def distances(forms: Forms, q: ArrayLike, *, boxes: int = BOXES) -> Distances:
+def distances(forms: Forms, q: ArrayLike, *, boxes: int | None = None) -> Distances:
     """Return certified distances from q (n,) to each family, nearest first."""
     # ``boxes`` is how many the search may look at for each.
     watched = watch(forms)
@@ -882,8 +885,7 @@ class RoomSearch:
     def prove(self, X: Array) -> Array:
         """Lower bounds (N,) of the clearance at X, and sites where the nearest points are."""
         w = self.watched
-        terms = sum(s.rate.size for branch in w.conditions.branches for s in branch.sums)
-        box = _BOX + terms / 6  # six of them in the time of a product
+        box = w.conditions.box
         boxes = min(BOXES, self.budget.left * PER_SECOND / (box * len(X)))
         options = SearchOptions(CLOSE, max(1, int(boxes)))
         found = nearest_points(w.conditions, X / w.weight, w.lower, w.upper, options)
@@ -990,11 +992,6 @@ class RoomSearch:
 
 REACH = 0.5
 """How far from a given configuration one is suggested, radians."""
-
-WORK = 10.0
-"""Of `suggest`; arms of the catalogue use 3.2 at most."""
-_BOX = 20.0
-"""Products that a box costs."""
 
 
 @dataclass(frozen=True, eq=False)
