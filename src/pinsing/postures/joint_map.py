@@ -295,15 +295,6 @@ def turns_once(equation: Equation, joint: int) -> bool:
     return bool(once) and not equation.powers[:, joint].any()
 
 
-def hub_of(part: Part, box: tuple[Arc, ...]) -> int | None:
-    """Place in the part of a joint that turns endlessly and is in every term exactly once."""
-    equation = part.surfaces[0].equation
-    if not part.surfaces[0].irreducible or len(equation.involved) < 2:
-        return None
-    hubs = (k for k, j in enumerate(part.joints) if box[k].circle and turns_once(equation, j))
-    return next(hubs, None)
-
-
 @dataclass(frozen=True, eq=False)
 class Wheel(_OfArcs):
     """A box divided by one equation that has a joint which turns endlessly once in every term.
@@ -557,15 +548,6 @@ def across(part: Part, box: tuple[Arc, ...]) -> int | None:
     return min(wide)[1] if wide else None
 
 
-def cuts_of(arc: Arc) -> Array:
-    """Values of the sections across the range of the hub."""
-    count = math.floor((arc.high - arc.low) / 2.4) + 1
-    share = np.linspace(arc.low, arc.high, count + 1)
-    # Sections are at most 2.8 rad apart, less than half a turn, and not at round angles.
-    share[1:-1] += 0.2 * np.sin(2.4 * np.arange(1, count))
-    return share
-
-
 def section(equation: Equation, joints: tuple[int, ...], hub: int, cut: float) -> TrigSum:
     """An equation at one value of a joint, in others."""
     fixed = fix_joint(equation, hub, cut)
@@ -776,7 +758,11 @@ def divided(
     others = [k for k in range(len(box)) if k != hub]
     if hub is not None:
         equation, joint = part.surfaces[0].equation, part.joints[hub]
-        cuts, left = cuts_of(box[hub]), tuple(part.joints[k] for k in others)
+        arc, left = box[hub], tuple(part.joints[k] for k in others)
+        count = math.floor((arc.high - arc.low) / 2.4) + 1
+        cuts = np.linspace(arc.low, arc.high, count + 1)
+        # Sections are at most 2.8 rad apart, less than half a turn, and not at round angles.
+        cuts[1:-1] += 0.2 * np.sin(2.4 * np.arange(1, count))
         each = [(section(equation, left, joint, float(c)),) for c in cuts]
     low, high, circle = (
         np.array([getattr(box[k], x) for k in others]) for x in ("low", "high", "circle")
@@ -789,8 +775,12 @@ def make_piece(part: Part, box: tuple[Arc, ...], scale: Array, budget: Budget) -
     """Find the components of a box of arcs; ``scale`` (n,) is what counts as one radian."""
     if not part.surfaces:
         return Plain(part, box)
-    if len(part.surfaces) == 1 and (hub := hub_of(part, box)) is not None:
-        return Wheel(part, box, hub)
+    equation, whole = part.surfaces[0].equation, part.surfaces[0].irreducible
+    if len(part.surfaces) == 1 and whole and len(equation.involved) > 1:
+        # A joint that turns endlessly and is in every term exactly once.
+        for k, j in enumerate(part.joints):
+            if box[k].circle and turns_once(equation, j):
+                return Wheel(part, box, k)
     return divided(part, box, across(part, box), scale[list(part.joints)], budget)
 
 

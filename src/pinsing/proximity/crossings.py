@@ -337,9 +337,19 @@ def crossings_of(watched: Watched, motion: Motion) -> Crossings:
 def _on_surfaces(
     conditions: Conditions, of_equation: list[int], motion: Motion
 ) -> list[tuple[float, float, int, str]]:
-    zeros = _near_zeros(conditions, motion)
+    nodes = np.arange(len(motion.pieces) + 1.0)
+    length, lower = (
+        _lengths(conditions, motion, nodes),
+        two_sided(conditions, motion.at(nodes), each=True).each,
+    )
+    # Zeros are looked for along the pieces that the bounds at their ends do not rule out.
+    least = (lower[:-1, :, 0] + lower[1:, :, 0]).min(axis=1, initial=np.inf)
+    open_ = np.flatnonzero(least <= length * (1 + 1e-9) + 1e-9)
+    zeros = zeros_along(conditions, np.ascontiguousarray(motion.pieces[open_]))
+    values = np.full((len(motion.pieces), *zeros.ends.shape[1:]), np.nan)
+    values[open_] = zeros.ends
+    zeros = replace(zeros, piece=open_[zeros.piece], ends=values)
     # Joint-space length within which events of one equation are one.
-    length = _lengths(conditions, motion, np.arange(len(motion.pieces) + 1.0))
     near = 1e-12 + 1e-9 / np.maximum(length, 1e-300)  # in s, of each piece
     out = []
     for e, f in enumerate(of_equation):
@@ -363,18 +373,6 @@ def _on_surfaces(
             kind = "crossing" if goes else "touch"
             out.append((float(u), float(end), f, "along" if long else kind))
     return out
-
-
-def _near_zeros(c: Conditions, motion: Motion) -> Zeros:
-    """Zeros along the pieces that the bounds at their ends do not rule out."""
-    nodes = np.arange(len(motion.pieces) + 1.0)
-    lower, length = two_sided(c, motion.at(nodes), each=True).each, _lengths(c, motion, nodes)
-    both = (lower[:-1, :, 0] + lower[1:, :, 0]).min(axis=1, initial=np.inf)
-    near = np.flatnonzero(both <= length * (1 + 1e-9) + 1e-9)
-    found = zeros_along(c, np.ascontiguousarray(motion.pieces[near]))
-    ends = np.full((len(motion.pieces), *found.ends.shape[1:]), np.nan)
-    ends[near] = found.ends
-    return replace(found, piece=near[found.piece], ends=ends)
 
 
 def _intervals(c: Conditions, e: int, zeros: Zeros, motion: Motion) -> tuple[Array, Array, Bool]:

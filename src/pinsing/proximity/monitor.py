@@ -676,24 +676,20 @@ class Reader:
         q = [number(values[i], f"{what} of joint {j!r}") for j, i in pairs]
         usual = zip(np.where(arm.prismatic, 1.0, angle), heads.scales, strict=True)
         found = np.array(q) * [u if scale is None else scale for u, scale in usual]
-        if what == "q":
-            self._compare(found, heads, values)
-        return np.asarray(found)
-
-    def _compare(self, q: Array, heads: ColumnHeads, values: Sequence[Any]) -> None:
-        """Say which joints without a value in q are elsewhere than the description has them."""
-        for held in heads.held:
+        # Joints without a value in q may be elsewhere than the description has them.
+        for held in heads.held if what == "q" else ():
             i = heads.others[held.name]
             if not is_number(word := str(values[i])):
                 continue
             scale = math.pi / 180 if self._stated and not held.slides else 1.0
-            off = abs(float(held.off(q, float(word) * (heads.units[i] or scale))))
+            off = abs(float(held.off(found, float(word) * (heads.units[i] or scale))))
             # Backlash, and encoders that are read some milliseconds apart, explain less.
             least = 1e-3 if held.slides else math.pi / 180
             if off > self._off.get(held.name, least):
                 self._off[held.name] = 10 * off
                 far = f"{1e3 * off:.3g} mm" if held.slides else f"{math.degrees(off):.3g} degrees"
                 self._note(f"joint {held.name!r} {held.why}, the stream has it {far} elsewhere")
+        return np.asarray(found)
 
     def _note(self, note: str, once: str = "") -> None:
         if (once or note) not in self._noted:
@@ -1113,7 +1109,9 @@ def make_guard(
 ) -> Guard:
     """As `export_guard`, with what one should know of the file."""
     if prefix is None:
-        prefix = _prefix(arm.name)
+        plain = re.sub(r"[^A-Za-z0-9]+", "_", arm.name).strip("_").lower()[:_LONGEST].strip("_")
+        named = re.match(r"[a-z]", plain) is not None
+        prefix = plain if named else f"robot_{plain}".strip("_")[:_LONGEST]
     elif not _IDENTIFIER.fullmatch(prefix) or len(prefix) > _LONGEST or prefix.endswith("_"):
         raise OptionError(
             f"prefix must be a name of at most {_LONGEST} letters, digits and underscores that "
@@ -1206,9 +1204,3 @@ def make_guard(
     }
     write = _c_text if language == "c" else _python_text
     return Guard(write(facts, conditions, zoned, prefix), complete, word, tuple(notes))
-
-
-def _prefix(name: str) -> str:
-    """A name in C out of any name."""
-    plain = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_").lower()[:_LONGEST].strip("_")
-    return plain if re.match(r"[a-z]", plain) else f"robot_{plain}".strip("_")[:_LONGEST]

@@ -682,7 +682,11 @@ def check_trajectory(
     ConfigurationError.refuse_if(N == 0, "the trajectory has no sample")
     times = check_times(t, N)
     passage = Passage(watched, near)
-    limits = _accelerations(arm, acceleration_limits)
+    limits = None if acceleration_limits is None else np.array(acceleration_limits, dtype=float)
+    OptionError.refuse_if(
+        limits is not None and (limits.shape != (arm.n,) or not (limits > 0).all()),
+        f"acceleration_limits needs {arm.n} positive numbers",
+    )
     speeds = Speeds(arm, tip_speed, turn_speed, joint_speeds, limits, t is not None)
     for first in range(0, N, _CHUNK):
         last = min(first + _CHUNK, N)
@@ -738,17 +742,6 @@ def check_trajectory(
         ),
         speed_limits=bool(np.isfinite(speeds.limits).any()),
     )
-
-
-def _accelerations(arm: Arm, given: ArrayLike | None) -> Array | None:
-    if given is None:
-        return None
-    limits = np.array(given, dtype=float)
-    OptionError.refuse_if(
-        limits.shape != (arm.n,) or not (limits > 0).all(),
-        f"acceleration_limits needs {arm.n} positive numbers",
-    )
-    return limits
 
 
 def _notes(arm: Arm, speeds: Speeds, accelerations: bool, gaps: list[str]) -> tuple[str, ...]:

@@ -278,7 +278,13 @@ class SpeedBounds:
         )
         self.linear: Bool = np.asarray(self.rows[:, :3].any(axis=1))
         axes = frame_jacobians(arm, random_turns(arm, 4))[:, 3:]
-        self._require_turnable(task.name, axes)
+        # Rotations by the joints have to leave the rows of the task among themselves.
+        for block in (self.rows[self.linear, :3], self.rows[~self.linear, 3:]):
+            turned = np.cross(np.swapaxes(axes, 1, 2)[:, :, None], block)
+            OptionError.refuse_if(
+                np.abs(turned - turned @ block.T @ block).max(initial=0.0) > NOISE,
+                f"the rows of the task {task.name} turn with the arm: give pose",
+            )
         angular = self.rows[~self.linear, 3:]
         self.still = bool(np.abs(axes - angular.T @ (angular @ axes)).max(initial=0.0) <= NOISE)
         steps = np.linalg.norm(chain.t, axis=1) + np.append(0.0, np.where(arm.prismatic, travel, 0))
@@ -293,15 +299,6 @@ class SpeedBounds:
         self.moving[0] = False
         alone = self.axis is None and (arm.prismatic[-1] or self.far[-1] <= NOISE / 10)
         self.moving[-1] &= not alone or count == 1
-
-    def _require_turnable(self, task: str, axes: Array) -> None:
-        """Raise unless rotations by the joints leave the rows of the task among themselves."""
-        for block in (self.rows[self.linear, :3], self.rows[~self.linear, 3:]):
-            turned = np.cross(np.swapaxes(axes, 1, 2)[:, :, None], block)
-            OptionError.refuse_if(
-                np.abs(turned - turned @ block.T @ block).max(initial=0.0) > NOISE,
-                f"the rows of the task {task} turn with the arm: give pose",
-            )
 
     def jacobians(self, Q: Array) -> Array:
         """Jacobians (N, 6, k), the turn about the tool's axis as the last column."""
