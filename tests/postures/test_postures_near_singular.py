@@ -30,18 +30,17 @@ def nearest(arm, found, q):
     return min(np.abs(arm.space.wrap(s.q - np.array(q))).max() for s in found)
 
 
-class TestInverseNextToTheWristSingularity:
-    @pytest.mark.parametrize("q5", sampled([1e-7, 3e-8, 1e-8, 1e-9, 0.0]))
-    def test_it_is_found_and_flagged(self, q5):
-        arm = arm_of("puma560")
-        q = [0.3, 0.4, -0.5, 0.2, q5, 0.1]
-        found = pinsing.inverse(arm, pose_of(arm, q))
-        assert sum(s.regular for s in found) == 6
-        straight = [s for s in found if abs(s.q[4]) < 1e-6]
-        assert straight
-        assert not any(s.regular for s in straight)
-        if q5 > 1e-8:
-            assert nearest(arm, found, q) < 1e-6
+@pytest.mark.parametrize("q5", sampled([1e-7, 3e-8, 1e-8, 1e-9, 0.0]))
+def test_next_to_the_wrist_singularity_a_solution_is_found_and_flagged(q5):
+    arm = arm_of("puma560")
+    q = [0.3, 0.4, -0.5, 0.2, q5, 0.1]
+    found = pinsing.inverse(arm, pose_of(arm, q))
+    assert sum(s.regular for s in found) == 6
+    straight = [s for s in found if abs(s.q[4]) < 1e-6]
+    assert straight
+    assert not any(s.regular for s in straight)
+    if q5 > 1e-8:
+        assert nearest(arm, found, q) < 1e-6
 
 
 class TestInverseThatStalls:
@@ -80,30 +79,28 @@ def test_a_joint_held_outside_its_limits_stays_there_and_is_flagged():
     assert not any("outside its limits" in n for n in inside.notes)
 
 
-class TestAspectsOfAnotherArm:
-    def test_they_are_refused(self):
-        ur5 = form_of("ur5")
-        with pytest.raises(OptionError, match="another arm"):
-            pinsing.connect(form_of("puma560"), [0.1] * 6, [0.2] * 6, of=aspects_of("ur5"))
-        with pytest.raises(OptionError, match="another arm"):
-            pinsing.postures.aspect_changes(
-                form_of("puma560"), [[0.1] * 6, [0.2] * 6], of=aspects_of("ur5")
-            )
-        again = pinsing.closed_form(replace(arm_of("ur5")))
-        assert again is not ur5
-        way = pinsing.connect(again, [0.1] * 6, [0.2] * 6, of=aspects_of("ur5"))
-        assert way.answer == "same"
+def test_aspects_of_another_arm_are_refused():
+    ur5 = form_of("ur5")
+    with pytest.raises(OptionError, match="another arm"):
+        pinsing.connect(form_of("puma560"), [0.1] * 6, [0.2] * 6, of=aspects_of("ur5"))
+    with pytest.raises(OptionError, match="another arm"):
+        pinsing.postures.aspect_changes(
+            form_of("puma560"), [[0.1] * 6, [0.2] * 6], of=aspects_of("ur5")
+        )
+    again = pinsing.closed_form(replace(arm_of("ur5")))
+    assert again is not ur5
+    way = pinsing.connect(again, [0.1] * 6, [0.2] * 6, of=aspects_of("ur5"))
+    assert way.answer == "same"
 
 
-class TestWhatCuspidalStandsOn:
-    @pytest.mark.slow
-    def test_an_arm_that_rounding_made_cuspidal(self):
-        found = pinsing.cuspidality(dh_arm(PUMA_LIKE), poses=5)
-        assert found.answer == "cuspidal"
-        assert found.proven
-        assert found.least_ratio < 1e-5
-        (said,) = [n for n in found.notes if "practically singular" in n]
-        assert "not cuspidal" in said
+@pytest.mark.slow
+def test_an_arm_that_rounding_made_cuspidal():
+    found = pinsing.cuspidality(dh_arm(PUMA_LIKE), poses=5)
+    assert found.answer == "cuspidal"
+    assert found.proven
+    assert found.least_ratio < 1e-5
+    (said,) = [n for n in found.notes if "practically singular" in n]
+    assert "not cuspidal" in said
 
 
 @pytest.mark.slow

@@ -208,26 +208,21 @@ def test_bad_arrays() -> None:
         check_trajectory(arm, np.zeros((2, 6)), forms=form, near=-1.0)
 
 
-class TestTheWholeRobotsColumns:
-    """A log of all joint states has columns of joints that are not on the chain."""
-
-    def test_a_joint_that_is_locked_on_the_chain_has_to_stay_there(self, tmp_path: Path) -> None:
-        whole = arm_of("ur5")
-        locked = whole.joints[2]
-        arm = pinsing.load("ur5", joints=[name for name in whole.joints if name != locked])
-        Q = np.full((3, 6), 0.1)
-        path = tmp_path / "log.csv"
-        for value, right, unit in ((0.0, True, ""), (0.1, False, ""), (0.1, False, " (deg)")):
-            Q[:, 2] = value
-            header = ",".join(name + unit for name in whole.joints)
-            np.savetxt(path, np.degrees(Q), delimiter=",", header=header, comments="")
-            if right:
-                np.testing.assert_allclose(read_trajectory(path, arm, True).Q, 0.1)
-            else:
-                with pytest.raises(
-                    ConfigurationError, match=f"log.csv: joint '{locked}' is locked"
-                ):
-                    read_trajectory(path, arm, True)
+def test_a_joint_that_is_locked_on_the_chain_has_to_stay_there(tmp_path: Path) -> None:
+    whole = arm_of("ur5")
+    locked = whole.joints[2]
+    arm = pinsing.load("ur5", joints=[name for name in whole.joints if name != locked])
+    Q = np.full((3, 6), 0.1)
+    path = tmp_path / "log.csv"
+    for value, right, unit in ((0.0, True, ""), (0.1, False, ""), (0.1, False, " (deg)")):
+        Q[:, 2] = value
+        header = ",".join(name + unit for name in whole.joints)
+        np.savetxt(path, np.degrees(Q), delimiter=",", header=header, comments="")
+        if right:
+            np.testing.assert_allclose(read_trajectory(path, arm, True).Q, 0.1)
+        else:
+            with pytest.raises(ConfigurationError, match=f"log.csv: joint '{locked}' is locked"):
+                read_trajectory(path, arm, True)
 
 
 def test_other_bad_files(tmp_path: Path) -> None:

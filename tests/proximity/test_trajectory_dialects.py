@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 from command_line import run
+from dh_arms import arm_of
 
-from pinsing import load
 from pinsing.errors import ConfigurationError
 from pinsing.proximity.trajectory_file import read_trajectory
 
@@ -77,6 +77,11 @@ def fanuc():
 ROSBAG = [
     "%time", *numbered("field.name{}", 0), *numbered("field.position{}", 0), "field.velocity0",
 ]  # fmt: skip
+RTDE = [
+    "timestamp", *numbered("actual_q_{}", 0), *numbered("actual_qd_{}", 0),
+    *numbered("target_q_{}", 0), "robot_mode", *numbered("actual_TCP_force_{}", 0),
+    *numbered("joint_temperatures_{}", 0), "runtime_state", "elbow_position_0",
+]  # fmt: skip
 ALPHABET = np.argsort(UR5)
 
 
@@ -112,21 +117,7 @@ TIMED = {
     "names_and_q.tsv": re.sub(r"field\.(\w+?)(\d)", r"\1_\2", BAG)
     .replace("position", "q")
     .replace(",", "\t"),
-    "rtde.csv": table(
-        [
-            "timestamp",
-            *numbered("actual_q_{}", 0),
-            *numbered("actual_qd_{}", 0),
-            *numbered("target_q_{}", 0),
-            "robot_mode",
-            *numbered("actual_TCP_force_{}", 0),
-            *numbered("joint_temperatures_{}", 0),
-            "runtime_state",
-            "elbow_position_0",
-        ],
-        np.column_stack([T, Q, Q, Q + 1, T, Q, Q, T, T]),
-        " ",
-    ),
+    "rtde.csv": table(RTDE, np.column_stack([T, Q, Q, Q + 1, T, Q, Q, T, T]), " "),
     "positions.csv": table(["Zeit", *(f"{j}_pos" for j in UR5)], timed()),
     "achsen.csv": table(["Zeit", *numbered("Achse {} [Grad]")], timed(DEG), ";"),
     "axis.csv": table(["t", *numbered("Axis {} (deg)")], timed(DEG)),
@@ -210,69 +201,59 @@ BARE = {
 }
 
 
-@pytest.fixture(scope="module")
-def arm():
-    return load("ur5")
+@pytest.fixture
+def read(tmp_path):
+    """Write a file, of text or of arrays, and read it for an arm."""
+
+    def of(held, name="a.csv", arm="ur5", **how):
+        file = tmp_path / name
+        if isinstance(held, dict):
+            np.savez(file, **held)
+        else:
+            file.write_text(held, encoding="cp1252" if name == "windows.csv" else "utf-8")
+        return read_trajectory(file, arm_of(arm), **how)
+
+    return of
 
 
 @pytest.mark.slow
-def test_a_program_for_a_fanuc_by_name_counts_j3_from_the_horizontal(tmp_path):
-    (tmp_path / "p.ls").write_text(fanuc())
-    read = read_trajectory(tmp_path / "p.ls", load("m10id"))
-    np.testing.assert_allclose(read.Q, Q + np.outer(Q[:, 1], np.eye(6)[2]), atol=1e-6)
-    assert "J2 + J3 is taken" in read.notes[0]
+def test_a_program_for_a_fanuc_by_name_counts_j3_from_the_horizontal(read):
+    found = read(fanuc(), "p.ls", "m10id")
+    np.testing.assert_allclose(found.Q, Q + np.outer(Q[:, 1], np.eye(6)[2]), atol=1e-6)
+    assert "J2 + J3 is taken" in found.notes[0]
 
 
 @pytest.mark.slow
-def test_a_table_for_a_fanuc_by_name_may_be_a_pendants(tmp_path):
-    (tmp_path / "p.csv").write_text("J1,J2,J3,J4,J5,J6\n0,0.1,0.2,0.3,0.4,0.5\n")
-    said = {n: read_trajectory(tmp_path / "p.csv", load(n)).notes for n in ("lrmate200id", "gp7")}
-    horizontal = {n: any("from the horizontal" in x for x in notes) for n, notes in said.items()}
-    assert horizontal == {"lrmate200id": True, "gp7": False}
+@pytest.mark.parametrize(("arm", "told"), [("lrmate200id", True), ("gp7", False)])
+def test_a_table_for_a_fanuc_by_name_may_be_a_pendants(read, arm, told):
+    notes = read("J1,J2,J3,J4,J5,J6\n0,0.1,0.2,0.3,0.4,0.5\n", arm=arm).notes
+    assert any("from the horizontal" in x for x in notes) == told
 
 
 @pytest.mark.parametrize("name", [*TIMED, *BARE])
-def test_files_as_people_have_them(tmp_path, arm, name):
-    text = TIMED.get(name) or BARE[name]
-    (tmp_path / name).write_text(text, encoding="cp1252" if name == "windows.csv" else "utf-8")
-    read = read_trajectory(tmp_path / name, arm)
-    np.testing.assert_allclose(read.Q, Q, atol=1e-6)
-    assert (read.t is not None) == (name in TIMED)
-    assert any("from the horizontal" in note for note in read.notes) == (name == "path.ls")
-    if read.t is not None:
-        np.testing.assert_allclose(read.t, T, atol=1e-6)
+def test_files_as_people_have_them(read, name):
+    found = read(TIMED.get(name) or BARE[name], name)
+    np.testing.assert_allclose(found.Q, Q, atol=1e-6)
+    assert (found.t is not None) == (name in TIMED)
+    assert any("from the horizontal" in note for note in found.notes) == (name == "path.ls")
+    if found.t is not None:
+        np.testing.assert_allclose(found.t, T, atol=1e-6)
 
 
-def test_a_quote_that_nothing_ends_takes_no_samples(tmp_path, arm):
-    rows = np.tile(np.column_stack([Q, T]), (2, 1))
-    text = table([*UR5, "note"], rows).replace(",0.25", ',"0.25', 1)
-    (tmp_path / "a.csv").write_text(text)
-    assert len(read_trajectory(tmp_path / "a.csv", arm, columns=UR5).Q) == 4
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        (table(numbered("q{}", 2), Q), "unknown column 'q2'"),
-        (
-            table([*numbered("q{}"), "q7"], np.column_stack([Q, Q[:, 0]])),
-            "unknown column 'q1' .7 are",
-        ),
-        (table([*UR5[:5], "wrist_joint"], Q), "unknown column 'wrist_joint'"),
-        (table([*UR5[:5], "left_elbow_joint"], Q), "could both be joint 'elbow_joint'"),
-        (table([*UR5, "gripper"], np.column_stack([Q, T])), "unknown column 'gripper'"),
-        (table(UR5, Q, ";").replace(".", ",").replace("1,3", "1.000,3"), "is no number"),
-    ],
-)
-def test_what_is_not_clear_is_not_guessed(tmp_path, arm, text, said):
-    (tmp_path / "a.csv").write_text(text)
-    with pytest.raises(ConfigurationError, match=said):
-        read_trajectory(tmp_path / "a.csv", arm)
+def test_a_quote_that_nothing_ends_takes_no_samples(read):
+    text = table([*UR5, "note"], np.tile(np.column_stack([Q, T]), (2, 1)))
+    assert len(read(text.replace(",0.25", ',"0.25', 1), columns=UR5).Q) == 4
 
 
 @pytest.mark.parametrize(
     ("name", "text", "said"),
     [
+        ("a.csv", table(numbered("q{}", 2), Q), "unknown column 'q2'"),
+        ("a.csv", table([*numbered("q{}"), "q7"], Q[:, [*range(6), 0]]), "'q1' .7 are"),
+        ("a.csv", table([*UR5[:5], "wrist_joint"], Q), "unknown column 'wrist_joint'"),
+        ("a.csv", table([*UR5[:5], "left_elbow_joint"], Q), "could both be joint 'elbow_joint'"),
+        ("a.csv", table([*UR5, "gripper"], np.column_stack([Q, T])), "unknown column 'gripper'"),
+        ("a.csv", table(UR5, Q, ";").replace(".", ",").replace("1,3", "1.000,3"), "is no number"),
         ("a.yaml", "joint_names: [a, b]\npoints: [{positions: [1, 2]}]", "unknown column 'a'"),
         ("a.yaml", "hello: 1", "neither a trajectory"),
         ("a.yaml", "joint_names: [a\n", "cannot read"),
@@ -363,58 +344,58 @@ def test_what_is_not_clear_is_not_guessed(tmp_path, arm, text, said):
         ("a.xlsx", "PK\x03\x04\x14", "a workbook .*: save its table as CSV"),
     ],
 )
-def test_broken_ones_are_refused_in_one_line(tmp_path, arm, name, text, said):
-    (tmp_path / name).write_text(text)
+def test_broken_ones_are_refused_in_one_line(read, name, text, said):
     with pytest.raises(ConfigurationError, match=said) as raised:
-        read_trajectory(tmp_path / name, arm)
+        read(text, name)
     assert "\n" not in str(raised.value)
 
 
-def test_columns_and_units_can_be_said(tmp_path, arm):
+def test_columns_can_be_said(read):
     heads = ["when", *"abcdef"]
-    (tmp_path / "a.csv").write_text(table(heads, timed(DEG)))
-    (tmp_path / "deg.csv").write_text(table(numbered("J{} (deg)"), DEG))
-    (tmp_path / "bare.csv").write_text(table([], timed(DEG.round() + 2, [2, 1]))[1:])
-    read = read_trajectory(tmp_path / "bare.csv", arm, True, ["t=1", *"765432"])
-    np.testing.assert_allclose(read.Q, np.radians(DEG.round() + 2)[:, ::-1])
-    for name, text, few in (
-        ("a.yaml", yaml_points(float), True),
-        ("b.csv", table(UR5, DEG), False),
-    ):
-        (tmp_path / name).write_text(text)
-        notes = read_trajectory(tmp_path / name, arm, True).notes
-        assert any(note.startswith("no angle exceeds 6.3°") for note in notes) is few
-    (tmp_path / "units.csv").write_text("# units: deg\n" + table(UR5, DEG))
-    with pytest.raises(ConfigurationError, match="a comment says units: degrees, the option"):
-        read_trajectory(tmp_path / "units.csv", arm, False)
     for columns in (["t=when", *"abcdef"], ["t=1", *"234567"]):
-        read = read_trajectory(tmp_path / "a.csv", arm, True, columns)
-        np.testing.assert_allclose(read.Q, Q)
-        np.testing.assert_allclose(read.t, T)
+        found = read(table(heads, timed(DEG)), degrees=True, columns=columns)
+        np.testing.assert_allclose(found.Q, Q)
+        np.testing.assert_allclose(found.t, T)
+    bare, how = DEG.round() + 2, {"degrees": True, "columns": ["t=1", *"765432"]}
+    found = read(table([], timed(bare, [2, 1]))[1:], **how)
+    np.testing.assert_allclose(found.Q, np.radians(bare)[:, ::-1])
     with pytest.raises(ConfigurationError, match="--columns has 2"):
-        read_trajectory(tmp_path / "a.csv", arm, True, ["a", "b"])
+        read(table(heads, timed(DEG)), degrees=True, columns=["a", "b"])
     with pytest.raises(ConfigurationError, match="no column 'x'"):
-        read_trajectory(tmp_path / "a.csv", arm, True, [*"abcde", "x"])
+        read(table(heads, timed(DEG)), degrees=True, columns=[*"abcde", "x"])
+
+
+def test_units_can_be_said(read):
+    for name, text, few in (
+        ("a.yaml", yaml_points(float), True), ("b.csv", table(UR5, DEG), False),
+    ):  # fmt: skip
+        notes = read(text, name, degrees=True).notes
+        assert any(note.startswith("no angle exceeds 6.3°") for note in notes) is few
+    with pytest.raises(ConfigurationError, match="a comment says units: degrees, the option"):
+        read("# units: deg\n" + table(UR5, DEG), degrees=False)
     with pytest.raises(ConfigurationError, match="says degrees"):
-        read_trajectory(tmp_path / "deg.csv", arm, False)
+        read(table(numbered("J{} (deg)"), DEG), degrees=False)
     for program in ("path.script", "degrees.script"):
-        (tmp_path / program).write_text(BARE[program])
         with pytest.raises(ConfigurationError, match="says radians"):
-            read_trajectory(tmp_path / program, arm, True)
-        notes = read_trajectory(tmp_path / program, arm).notes
+            read(BARE[program], program, degrees=True)
+        notes = read(BARE[program], program).notes
         assert notes == (f"{len(Q)} joint moves, joints base to tip; no times",)
-    (tmp_path / "comment.txt").write_text("# at 9 deg/s\n" + table([], Q, " ")[1:])
-    np.testing.assert_allclose(read_trajectory(tmp_path / "comment.txt", arm).Q, Q)
-    (tmp_path / "comment.txt").write_text("# J1 [deg] J2 [deg]\n" + table([], DEG, " ")[1:])
-    np.testing.assert_allclose(read_trajectory(tmp_path / "comment.txt", arm, True).Q, Q)
-    words = [
-        "check", "ur5", str(tmp_path / "a.csv"), "--units", "deg", "--columns",
-        "t=when,a,b,c,d,e,f",
-    ]  # fmt: skip
-    done = run(*words)
+    found = read("# at 9 deg/s\n" + table([], Q, " ")[1:], "comment.txt")
+    np.testing.assert_allclose(found.Q, Q)
+    found = read("# J1 [deg] J2 [deg]\n" + table([], DEG, " ")[1:], "comment.txt", degrees=True)
+    np.testing.assert_allclose(found.Q, Q)
+
+
+def test_the_command_takes_columns_and_units(tmp_path):
+    (tmp_path / "a.csv").write_text(table(["when", *"abcdef"], timed(DEG)))
+    (tmp_path / "deg.csv").write_text(table(numbered("J{} (deg)"), DEG))
+    how = ("--units", "deg", "--columns", "t=when,a,b,c,d,e,f")
+    done, plain = (
+        run("check", "ur5", tmp_path / "a.csv", *how),
+        run("check", "ur5", tmp_path / "deg.csv"),
+    )
     assert done.exit_code == 0, done.stderr
     assert "elbow_joint = 'c'" in done.stderr
-    plain = run("check", "ur5", str(tmp_path / "deg.csv"))
     assert plain.exit_code == 0, plain.stderr
 
 
@@ -425,38 +406,30 @@ def test_columns_and_units_can_be_said(tmp_path, arm):
         ("t [s]", [0, 2000], False),
     ],
 )  # fmt: skip
-def test_times_that_may_be_milliseconds_are_said_to_be_taken_as_seconds(
-    tmp_path, arm, head, t, said
-):
-    (tmp_path / "a.csv").write_text(table([head, *UR5], timed(t=t)))
-    notes = read_trajectory(tmp_path / "a.csv", arm).notes
+def test_times_that_may_be_milliseconds_are_said_to_be_taken_as_seconds(read, head, t, said):
+    notes = read(table([head, *UR5], timed(t=t))).notes
     assert any("t is taken as seconds" in note for note in notes) == said
 
 
-def test_names_beside_an_array_are_the_joints(tmp_path, arm):
-    np.savez(tmp_path / "a.npz", q=Q[:, ALPHABET], joint_names=np.take(UR5, ALPHABET))
-    np.testing.assert_allclose(read_trajectory(tmp_path / "a.npz", arm).Q, Q)
+def test_names_beside_an_array_are_the_joints(read):
+    backward = {"q": Q[:, ALPHABET], "joint_names": np.take(UR5, ALPHABET)}
+    np.testing.assert_allclose(read(backward, "a.npz").Q, Q)
     heads, times = ["t (ms)", *numbered("J{} (deg)")], timed(DEG, T * 1e3)
-    np.savez(tmp_path / "units.npz", q=times, names=heads)
-    np.savez(tmp_path / "times.npz", q=times[:, 1:], names=heads[1:], t=T)
-    for name in ("units.npz", "times.npz"):
-        read = read_trajectory(tmp_path / name, arm)
-        np.testing.assert_allclose(np.column_stack([read.t, read.Q]), timed())
     parts = np.column_stack([np.floor(T), T % 1 * 1e9, DEG])
-    np.savez(tmp_path / "parts.npz", q=parts, names=["sec", "nanosec", *heads[1:]])
-    read = read_trajectory(tmp_path / "parts.npz", arm)
-    np.testing.assert_allclose(np.column_stack([read.t, read.Q]), timed())
-    np.savez(tmp_path / "b.npz", q=Q[:, :5], names=UR5)
+    for held in (
+        {"q": times, "names": heads}, {"q": times[:, 1:], "names": heads[1:], "t": T},
+        {"q": parts, "names": ["sec", "nanosec", *heads[1:]]},
+    ):  # fmt: skip
+        found = read(held, "a.npz")
+        np.testing.assert_allclose(np.column_stack([found.t, found.Q]), timed())
     with pytest.raises(ConfigurationError, match="each of the 6 names in 'names'"):
-        read_trajectory(tmp_path / "b.npz", arm)
+        read({"q": Q[:, :5], "names": UR5}, "a.npz")
 
 
-def test_a_joint_that_slides_takes_no_angles(tmp_path):
-    stanford = load("stanford")
-    assert stanford.prismatic.tolist() == [False, False, True, False, False, False]
-    heads = ["J1 (deg)", "J2 (deg)", "J3 (deg)", "J4 (deg)", "J5 (deg)", "J6 (mm)"]
-    (tmp_path / "a.csv").write_text(table(heads, DEG))
+def test_a_joint_that_slides_takes_no_angles(read):
+    assert arm_of("stanford").prismatic.tolist() == [False, False, True, False, False, False]
+    text = table([*numbered("J{} (deg)")[:5], "J6 (mm)"], DEG)
     with pytest.raises(ConfigurationError, match=r"'J3 .deg.* which slides.*--columns"):
-        read_trajectory(tmp_path / "a.csv", stanford)
-    read = read_trajectory(tmp_path / "a.csv", stanford, columns=[*"126345"])
-    np.testing.assert_allclose(read.Q[:, 2:4], DEG[:, [5, 2]] * [1e-3, np.pi / 180])
+        read(text, arm="stanford")
+    found = read(text, arm="stanford", columns=[*"126345"])
+    np.testing.assert_allclose(found.Q[:, 2:4], DEG[:, [5, 2]] * [1e-3, np.pi / 180])
