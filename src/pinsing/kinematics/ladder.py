@@ -516,9 +516,11 @@ def _ladder(geometry: Nominal) -> Ladder | None:
         ways = (read for read in (chain, chain.backward()) if not any(read.prismatic[3:]))
         return next(filter(None, (_wrist(read) or _planar_middle(read) for read in ways)), None)
     upright = not chain.rotation[0, :2, 2].any()  # the first axis is along z of the base
-    if rows == tuple(range(6)) or (rows == (0, 1, 5) and upright):
-        return _planar(chain)
-    return None
+    plane = rows == tuple(range(6)) or (rows == (0, 1, 5) and upright)
+    turning = tuple(j for j in range(n) if not chain.prismatic[j])
+    if not plane or len(turning) != 3 or not all(chain.parallel(j) for j in range(n - 1)):
+        return None
+    return Ladder((_two_links(chain, turning),), "all axes are parallel", chain, None)
 
 
 def _wrist(chain: ExactChain) -> Ladder | None:
@@ -573,15 +575,7 @@ def _planar_middle(chain: ExactChain) -> Ladder | None:
     return Ladder(stages, f"axes {axes} are parallel, and two others cross", chain, (4, height))
 
 
-def _planar(chain: ExactChain) -> Ladder | None:
-    turning = [j for j in range(chain.n) if not chain.prismatic[j]]
-    if len(turning) != 3 or not all(chain.parallel(j) for j in range(chain.n - 1)):
-        return None
-    stage = _two_links(chain, (turning[0], turning[1], turning[2]))
-    return Ladder((stage,), "all axes are parallel", chain, None)
-
-
-def _two_links(chain: ExactChain, places: tuple[int, int, int]) -> SolutionStage:
+def _two_links(chain: ExactChain, places: tuple[int, ...]) -> SolutionStage:
     i, j, k = places
 
     def value(Q: Array) -> Array:
