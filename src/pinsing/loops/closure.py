@@ -442,26 +442,6 @@ class BatchLoops:
         linear, angular = self._velocity(placed, self._output[0], p)
         return R, p, np.concatenate([linear / self._scale, angular], axis=1) * self.units
 
-    def reach(
-        self,
-        Q: Array,
-        rotation: Array,
-        position: Array,
-        placed: Placed | None = None,
-        rows: tuple[int, ...] = tuple(range(6)),
-    ) -> tuple[Array, Array]:
-        """Return the error (N, 6) of the output's pose against wanted ones, and its Jacobian."""
-        # With one turn not among the ``rows``, the others bring its axis into place.
-        R, p, J = self.output(Q, placed)
-        away = R @ np.swapaxes(rotation, -1, -2)
-        free = [k for k in range(3) if k + 3 not in rows]
-        if len(free) == 1:
-            k, unit = free[0], np.broadcast_to(np.eye(3), away.shape)
-            turn = least_turns(unit[:, k], away[:, :, k], unit[:, k - 1])
-        else:
-            turn = rotation_vectors(away)
-        return np.concatenate([(p - position) / self._scale, turn], axis=1), J
-
 
 def newton(
     loops: BatchLoops,
@@ -506,10 +486,19 @@ def _system(
     placed = loops.place(X)
     error, J = loops.closure(X, which, placed)
     if target is not None:
-        R, p, rows = target
-        R = R if R.ndim == 2 else R[active]
-        p = p if p.ndim == 1 else p[active]
-        miss, K = loops.reach(X, R, p, placed, rows)
+        rotation, position, rows = target
+        rotation = rotation if rotation.ndim == 2 else rotation[active]
+        position = position if position.ndim == 1 else position[active]
+        R, p, K = loops.output(X, placed)
+        away = R @ np.swapaxes(rotation, -1, -2)
+        free = [k for k in range(3) if k + 3 not in rows]
+        if len(free) == 1:
+            # The other turns bring the axis of this one into place.
+            k, unit = free[0], np.broadcast_to(np.eye(3), away.shape)
+            turn = least_turns(unit[:, k], away[:, :, k], unit[:, k - 1])
+        else:
+            turn = rotation_vectors(away)
+        miss = np.concatenate([(p - position) / loops.mechanism.length_scale, turn], axis=1)
         error = np.concatenate([error, miss[:, list(rows)]], axis=1)
         J = np.concatenate([J, K[:, list(rows)]], axis=1)
     return error, J

@@ -634,7 +634,8 @@ def _point_forms(mechanism: Mechanism) -> PoseForms | None:
 def _forms(mechanism: Mechanism, found: Rods) -> PoseForms:
     turning = not found.planar and any(rod.moved or rod.side for rod in found.rods)
     plain = not any(rod.side or rod.hinge is not None for rod in found.rods)
-    level = turning and plain and set(mechanism.task.rows) == {0, 1, 2} and _upright(found)
+    turned = np.abs(output_pose(mechanism, home(mechanism)).rotation - np.eye(3)).max() > 1e-9
+    level = turning and plain and set(mechanism.task.rows) == {0, 1, 2} and not turned
     if turning and not level:
         return _turning_forms(mechanism, found)
     ring = PoseRing(found, level)
@@ -660,10 +661,10 @@ def _forms(mechanism: Mechanism, found: Rods) -> PoseForms:
     loci = (*_loci(ring, _split(ring, together)), *ones)
     if level:
         # Of an output that is not turned, then the determinants that hold for a turned one, too.
-        turned = _turning_forms(mechanism, found)
-        more = [replace(x, words=f"turned or not, {x.words}") for x in turned.loci]
-        said = tuple(dict.fromkeys([*notes, *turned.notes]))
-        return replace(turned, loci=(*loci, *more), notes=said)
+        every = _turning_forms(mechanism, found)
+        more = [replace(x, words=f"turned or not, {x.words}") for x in every.loci]
+        said = tuple(dict.fromkeys([*notes, *every.notes]))
+        return replace(every, loci=(*loci, *more), notes=said)
     words = "over the inputs, where two assembly modes meet"
     inputs = tuple(PoseLocus("type 2", words, x, has_real_points(x)) for x in input_loci(mechanism))
     return PoseForms(
@@ -768,12 +769,6 @@ def _wrenches(ring: PoseRing) -> Iterator[tuple[ExactRod, Row, Poly]]:
         if leg.rod.hinge is not None:
             slides = leg.rod.moved and leg.slides
             yield leg, leg.hinge, ring.dot(leg.hinge, leg.motion) if slides else ring.number(0)
-
-
-def _upright(found: Rods) -> bool:
-    """Whether the output is not turned at home."""
-    R = output_pose(found.mechanism, home(found.mechanism)).rotation
-    return bool(np.abs(R - np.eye(3)).max() <= 1e-9)
 
 
 def _split(ring: PoseRing, together: Any) -> Iterator[Part]:

@@ -226,12 +226,6 @@ def _isolated(mechanism: Mechanism, dyad: Dyad) -> list[tuple[str, Array]]:
     return out
 
 
-def crosses_zero(value: Array) -> bool:
-    """Return True if a grid of values, NaN aside, has both signs."""
-    there = value[np.isfinite(value)]
-    return bool(len(there)) and bool(there.min() < 0 < there.max())
-
-
 def once(ax: Axes, label: str) -> str | None:
     """A label for the legend, unless something in the axes has it."""
     return None if label in ax.get_legend_handles_labels()[1] else label
@@ -241,7 +235,8 @@ def zero_line(
     ax: Axes, x: Array, y: Array, value: Array, color: str, style: str, said: str
 ) -> None:
     """Draw where a grid of values, NaN where there is none, changes its sign, and what it says."""
-    if crosses_zero(value):
+    there = value[np.isfinite(value)]
+    if len(there) and there.min() < 0 < there.max():
         shown = np.ma.masked_invalid(value)
         ax.contour(x, y, shown, levels=[0.0], colors=[color], linestyles=[style], linewidths=1.5)
         ax.plot([], [], color=color, ls=style, label=once(ax, said))
