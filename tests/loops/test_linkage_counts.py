@@ -5,16 +5,13 @@ import pinocchio as pin
 import pytest
 from mechanisms import placed, shipped
 from test_pose_forms import hinged, rps
+from test_pose_turning import turned
 from tiers import tiered
 from urdf_text import J, X, Y, frame, loop_text, written
 
 import pinsing
 
 TURNS = np.linspace(-np.pi, np.pi, 20001) + 0.1234567
-
-
-def turned(axis, angle, arm):
-    return pin.AngleAxis(float(angle), axis).matrix() @ arm
 
 
 def circle(axis, arm):
@@ -36,7 +33,7 @@ def one_rod(folder, rng, ends):
     foot = rng.uniform(-0.5, 0.5, 3).round(2)
     # The row of the output is the motion of its joint: about, or along, x.
     axes[1] = np.array(X, dtype=float)
-    apart = foot + turned(axes[1], 0.3, arms[1]) - turned(axes[0], 0.4, arms[0])
+    apart = foot + turned(axes[1], 0.3) @ arms[1] - turned(axes[0], 0.4) @ arms[0]
     length = round(float(np.linalg.norm(apart)), 4)
     kind = "continuous" if ends == "crank" else "prismatic"
     limits = None if ends == "crank" else (-9, 9)
@@ -61,7 +58,7 @@ def test_one_rod_between_two_joints(ends, seed, tmp_path):
     home = pinsing.loops.assembly_modes(mechanism).modes[0].q
     crank, other = (mechanism.joints.index(n) for n in ("crank", "other"))
     direct = pinsing.loops.assembly_modes(mechanism, [home[crank]])
-    C = turned(axes[0], home[crank], arms[0])
+    C = turned(axes[0], home[crank]) @ arms[0]
     if ends == "crank":
         at = foot + circle(axes[1], arms[1])
     else:
@@ -71,7 +68,7 @@ def test_one_rod_between_two_joints(ends, seed, tmp_path):
     assert direct.complete
     assert "all there are, by the quadratic equation of its rod" in direct.statement
     inverse = pinsing.loops.working_modes(mechanism)
-    B = foot + (turned(axes[1], home[other], arms[1]) if ends == "crank" else
+    B = foot + (turned(axes[1], home[other]) @ arms[1] if ends == "crank" else
                 arms[1] + home[other] * axes[1])  # fmt: skip
     number = changes(np.linalg.norm(circle(axes[0], arms[0]) - B, axis=1) - length)
     assert number == len(inverse.modes)
