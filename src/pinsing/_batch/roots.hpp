@@ -42,7 +42,7 @@ constexpr int kEarly = 3;      // steps with the coefficients, which leave some 
 constexpr int kRootSteps = 5;  // at most, by the recurrence
 constexpr double kFloor = 1.0e-150;  // of powers of roots: denormals are slow, and of no use
 
-// Sums over j of 1 / (x_i - x_j), each to kPole.
+// Sums over j of 1 / (x_i - x_j).
 template <int K>
 PINSING_INLINE void sums_of_poles(const One* x, One* sum, One* beside) {
     PINSING_UNROLL
@@ -136,7 +136,7 @@ PINSING_INLINE void early_step(const One* c, One* x) {
             p1 = y * p1 + p0;
             p0 = k % 2 ? y * p0 - c[k] : y * p0 + c[k];
         }
-        x[i] = y - early_quotient(p0, p1 - p0 * sum[i]);
+        x[i] = y - p0 / (p1 - p0 * sum[i]);
     }
 }
 
@@ -177,7 +177,7 @@ static __attribute__((noinline)) OneMask roots_of(const One* q_in, const One* e_
         products_of_distances<K>(x, product, nearest);
         PINSING_UNROLL
         for (int i = 0; i < K; i++)
-            delta[i] = early_quotient(recurrence<K>(q, e, x[i]), product[i]);
+            delta[i] = recurrence<K>(q, e, x[i]) / product[i];
         OneMask settled = ~hopeless;
         One widest = vabs(delta[0]);
         for (int i = 1; i < K; i++) widest = vmax(widest, vabs(delta[i]));
@@ -203,7 +203,7 @@ static __attribute__((noinline)) OneMask roots_of(const One* q_in, const One* e_
         total += x[k];
         total_of_squares += x[k] * x[k];
         product *= x[k];
-        S[k] = safe_root(x[k]);
+        S[k] = vsqrt(x[k]);
     }
     return done & (vabs(total - trace) <= 1.0e-13 * trace) &
            (vabs(total_of_squares - squares) <= 1.0e-13 * squares) &

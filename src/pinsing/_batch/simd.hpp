@@ -157,93 +157,9 @@ PINSING_INLINE V copysign(V magnitude, V sign) {
 // Lanes of a block, or of one machine vector, in memory.
 template <class T> PINSING_INLINE double* lanes(T* x) { return reinterpret_cast<double*>(x); }
 
-// A square of kHalf rows by kHalf numbers, turned over: where there is an instruction for it.
-#if defined(__AVX512F__)
-#define PINSING_TILES 1
-using Tile = __m512d;
-PINSING_INLINE Tile load_part(const double* from, int count) {
-    return _mm512_maskz_loadu_pd(static_cast<__mmask8>((1u << count) - 1), from);
-}
-PINSING_INLINE void store_part(double* to, Tile x, int count) {
-    if (count == kHalf) return _mm512_storeu_pd(to, x);
-    _mm512_mask_storeu_pd(to, static_cast<__mmask8>((1u << count) - 1), x);
-}
-PINSING_INLINE void turn_over(Tile* r) {
-    Tile t[8], u[8];
-    for (int k = 0; k < 8; k += 2) {
-        t[k] = _mm512_unpacklo_pd(r[k], r[k + 1]);
-        t[k + 1] = _mm512_unpackhi_pd(r[k], r[k + 1]);
-    }
-    for (int k = 0; k < 2; k++) {
-        u[k] = _mm512_shuffle_f64x2(t[k], t[k + 2], 0x88);
-        u[k + 2] = _mm512_shuffle_f64x2(t[k], t[k + 2], 0xdd);
-        u[k + 4] = _mm512_shuffle_f64x2(t[k + 4], t[k + 6], 0x88);
-        u[k + 6] = _mm512_shuffle_f64x2(t[k + 4], t[k + 6], 0xdd);
-    }
-    for (int k = 0; k < 4; k++) {
-        r[k] = _mm512_shuffle_f64x2(u[k], u[k + 4], 0x88);
-        r[k + 4] = _mm512_shuffle_f64x2(u[k], u[k + 4], 0xdd);
-    }
-}
-#elif defined(__AVX2__)
-#define PINSING_TILES 1
-using Tile = __m256d;
-PINSING_INLINE Tile load_part(const double* from, int count) {
-    if (count == kHalf) return _mm256_loadu_pd(from);
-    const __m256i last = _mm256_set1_epi64x(count);
-    return _mm256_maskload_pd(from, _mm256_cmpgt_epi64(last, _mm256_set_epi64x(3, 2, 1, 0)));
-}
-PINSING_INLINE void store_part(double* to, Tile x, int count) {
-    if (count == kHalf) return _mm256_storeu_pd(to, x);
-    if (count >= 2) _mm_storeu_pd(to, _mm256_castpd256_pd128(x));
-    if (count == 1) _mm_store_sd(to, _mm256_castpd256_pd128(x));
-    if (count == 3) _mm_store_sd(to + 2, _mm256_extractf128_pd(x, 1));
-}
-PINSING_INLINE void turn_over(Tile* r) {
-    Tile a = _mm256_unpacklo_pd(r[0], r[1]), b = _mm256_unpackhi_pd(r[0], r[1]);
-    Tile c = _mm256_unpacklo_pd(r[2], r[3]), d = _mm256_unpackhi_pd(r[2], r[3]);
-    r[0] = _mm256_permute2f128_pd(a, c, 0x20);
-    r[1] = _mm256_permute2f128_pd(b, d, 0x20);
-    r[2] = _mm256_permute2f128_pd(a, c, 0x31);
-    r[3] = _mm256_permute2f128_pd(b, d, 0x31);
-}
-#else
-#define PINSING_TILES 0
-#endif
-
-#if PINSING_TILES
-// `part` numbers (at most kHalf) of kHalf rows, `count` apart, and the vectors of one half of a block.
-PINSING_INLINE void load_tile(const double* in, std::int64_t count, int part, Tile* to) {
-    Tile r[kHalf];
-    PINSING_UNROLL
-    for (int i = 0; i < kHalf; i++) r[i] = load_part(in + i * count, part);
-    turn_over(r);
-    for (int k = 0; k < part; k++) to[2 * k] = r[k];
-}
-PINSING_INLINE void store_tile(const Tile* x, int count, int part, double* out) {
-    Tile r[kHalf];
-    PINSING_UNROLL
-    for (int k = 0; k < kHalf; k++) r[k] = k < part ? x[2 * k] : x[0];
-    turn_over(r);
-    PINSING_UNROLL
-    for (int i = 0; i < kHalf; i++) store_part(out + i * count, r[i], part);
-}
-#endif
-
 // A block x[k] (k < count) in lanes to rows of an array: out[i * count + k], lanes i < width.
 PINSING_INLINE void store_rows(V* x, int count, int width, double* out) {
     if (count == 1) return (void)memcpy(out, x, width * sizeof(double));
-#if PINSING_TILES
-    if (width == kLanes) {
-        for (int k = 0; k < count; k += kHalf) {
-            const Tile* from = reinterpret_cast<const Tile*>(x + k);
-            const int part = count - k < kHalf ? count - k : kHalf;
-            for (int half = 0; half < 2; half++)
-                store_tile(from + half, count, part, out + half * kHalf * count + k);
-        }
-        return;
-    }
-#endif
     const double* from = lanes(x);
     for (int i = 0; i < width; i++)
         for (int k = 0; k < count; k++) *out++ = from[k * kLanes + i];
@@ -251,17 +167,6 @@ PINSING_INLINE void store_rows(V* x, int count, int width, double* out) {
 
 // Rows of an array to a block in lanes; lanes beyond width repeat the first row.
 PINSING_INLINE void load_rows(const double* in, std::int64_t count, int width, V* x) {
-#if PINSING_TILES
-    if (width == kLanes) {
-        for (std::int64_t k = 0; k < count; k += kHalf) {
-            Tile* to = reinterpret_cast<Tile*>(x + k);
-            const int part = count - k < kHalf ? static_cast<int>(count - k) : kHalf;
-            for (int half = 0; half < 2; half++)
-                load_tile(in + half * kHalf * count + k, count, part, to + half);
-        }
-        return;
-    }
-#endif
     double* to = lanes(x);
     if (width == kLanes) {  // most often: a loop of fixed length
         for (int k = 0; k < count; k++)

@@ -28,8 +28,8 @@ PINSING_INLINE V normalise(V* A, int count) {
 // |x|^2, and returns 2 / |v|^2; 0 for x = 0.
 PINSING_INLINE V reflector(V& x0, V square) {
     Mask some = square > kZeroSquare;
-    V norm = select(some, positive_root(square), broadcast(0.0));
-    V factor = reciprocal(square + norm * vabs(x0));
+    V norm = select(some, vsqrt(square), broadcast(0.0));
+    V factor = 1.0 / (square + norm * vabs(x0));
     x0 += copysign(norm, x0);
     return select(some, factor, broadcast(0.0));
 }
