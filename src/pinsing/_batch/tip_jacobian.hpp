@@ -8,22 +8,11 @@
 // last joint's value where the tip lies on its axis, as it does for most arms: then the frame is the
 // one before it turns, in which the last two columns are constant.
 
-// What stands for a zero in a right angle read from a file: its cosine, rounded. Leaving it out turns
-// an axis by no more than the rounding of a product of rotations does.
-constexpr double kNoTurn = 0x1p-51;
-
 // W <- W R^T, and d <- d + W t with the new W.
 PINSING_INLINE void before_placement(const double* R, const double* t, One* W, One* d) {
     // Turns about x are common: one test serves the block.
     const bool about_x = R[0] == 1.0 && R[1] == 0.0 && R[2] == 0.0 && R[3] == 0.0 && R[6] == 0.0;
-    if (about_x && -kNoTurn <= R[4] && R[4] <= kNoTurn && -kNoTurn <= R[8] && R[8] <= kNoTurn) {
-        PINSING_UNROLL
-        for (int r = 0; r < 3; r++) {
-            const One y = W[3 * r + 1];
-            W[3 * r + 1] = W[3 * r + 2] * R[5];
-            W[3 * r + 2] = y * R[7];
-        }
-    } else if (about_x) {
+    if (about_x) {
         PINSING_UNROLL
         for (int r = 0; r < 3; r++) {
             const One y = W[3 * r + 1], z = W[3 * r + 2];
