@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import pinsing
-from pinsing.view.server import ENGINE
+from pinsing.view.server import engine_modules
 
 FOLDER = Path(pinsing.__file__).parent / "view" / "engine"
 NODE = shutil.which("node")
@@ -21,7 +21,9 @@ needs_node = pytest.mark.skipif(NODE is None, reason="Node.js is not installed")
 def run(code: str, data: Any) -> Any:
     """What a function of the engine's modules returns: ``code`` sees ``m`` and ``data``."""
     assert NODE is not None
-    modules = ", ".join(f'...await import("{(FOLDER / f"{n}.mjs").as_uri()}")' for n in ENGINE)
+    modules = ", ".join(
+        f'...await import("{(FOLDER / f"{n}.mjs").as_uri()}")' for n in engine_modules()
+    )
     program = f"""
       import {{ readFileSync }} from "node:fs";
       const m = {{ {modules} }};

@@ -364,15 +364,22 @@ def test_a_saved_analysis_is_shown(tmp_path: Path) -> None:
 
 
 def test_a_picture_without_a_browser_says_what_is_missing(tmp_path, monkeypatch):
-    from pinsing.view import picture
-
-    monkeypatch.setattr(picture, "find_browser", lambda: None)
-    with (
-        Viewer(textbook("scara"), skeleton=True) as viewer,
-        pytest.raises(OutputError, match="Chromium"),
-    ):
-        viewer.save_png(tmp_path / "a.png")
-    assert os.listdir(tmp_path) == []
+    """No browser, one that cannot be started, one that ends at once: a line, and no file."""
+    junk = tmp_path / "junk"
+    junk.write_bytes(b"\x7fELF")
+    junk.chmod(0o755)
+    out = tmp_path / "a.png"
+    with Viewer(textbook("scara"), skeleton=True) as viewer:
+        for browser, said in (
+            (None, "none is installed"),
+            (junk, f"cannot write .*a.png: {junk}: Exec format error"),
+            ("/bin/false", "the browser ended at once"),
+        ):
+            found = None if browser is None else str(browser)
+            monkeypatch.setattr("pinsing.view.picture.find_browser", lambda found=found: found)
+            with pytest.raises(OutputError, match=said):
+                viewer.save_png(out)
+    assert os.listdir(tmp_path) == ["junk"]
 
 
 @pytest.mark.parametrize(

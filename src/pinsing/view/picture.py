@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from pinsing.atomic_write import check_writable, write_bytes
-from pinsing.errors import OptionError, OutputError
+from pinsing.errors import OptionError, OutputError, why
 
 BROWSERS = (
     "chromium",
@@ -55,7 +55,14 @@ def take_picture(url: str, path: str | os.PathLike[str], size: tuple[int, int]) 
     )
     path = check_writable(path)
     browser = check_browser(path, "a picture", "-o FILE.html needs none")
-    write_bytes(path, _taken(browser, url, size))
+    try:
+        picture = _taken(browser, url, size)
+    except OutputError:
+        raise
+    except (OSError, asyncio.TimeoutError) as error:  # it does not start, or says no more
+        said = why(error) or f"no picture within {_SECONDS:g} s"
+        raise OutputError(f"cannot write {path}: {browser}: {said}") from None
+    write_bytes(path, picture)
 
 
 def check_browser(
@@ -100,7 +107,7 @@ def printed(html: str, path: str | os.PathLike[str]) -> bytes:
                 f"cannot write {path}: the browser did not print within {_SECONDS:g} s"
             ) from None
         except OSError as error:
-            raise OutputError(f"cannot write {path}: {browser}: {error.strerror}") from None
+            raise OutputError(f"cannot write {path}: {browser}: {why(error)}") from None
         data = out.read_bytes() if out.is_file() else b""
         if not data.startswith(b"%PDF"):
             lines = done.stderr.decode(errors="replace").strip().splitlines()

@@ -27,6 +27,7 @@ import warnings
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import cache
+from graphlib import TopologicalSorter
 from importlib.resources import files
 from pathlib import Path
 from string import Template
@@ -42,27 +43,6 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from pinsing.errors import OptionError
 from pinsing.proximity.trajectory_file import LARGEST_TEXT
-
-ENGINE = (
-    "limits",
-    "linear",
-    "chain",
-    "measures",
-    "families",
-    "distance",
-    "lost",
-    "arm",
-    "search",
-    "led",
-    "trajectory",
-    "mechanism",
-    "pose_drive",
-    "singular_points",
-    "surroundings",
-    "mechanism_frame",
-    "mechanism_paths",
-)
-"""Modules of the engine, each after those that it imports."""
 
 SCRIPTS = (
     "labels.js",
@@ -116,13 +96,21 @@ def meshcat_script() -> str:
 
 
 @cache
+def engine_modules() -> dict[str, str]:
+    """Return the code of each module of the engine, after those that it imports."""
+    folder = files("pinsing.view").joinpath("engine")
+    found = sorted(file.name for file in folder.iterdir() if file.name.endswith(".mjs"))
+    code = {name[:-4]: folder.joinpath(name).read_text(encoding="utf-8") for name in found}
+    needs = {name: [m[1] for m in _IMPORT.findall(text)] for name, text in code.items()}
+    return {name: code[name] for name in TopologicalSorter(needs).static_order()}
+
+
+@cache
 def engine_script() -> str:
     """Return the engine as one classic script that sets ``Engine``."""
     # A page from a file may not import modules: each becomes a function that returns its exports.
-    folder = files("pinsing.view").joinpath("engine")
     parts, names = [], []
-    for name in ENGINE:
-        code = folder.joinpath(f"{name}.mjs").read_text(encoding="utf-8")
+    for name, code in engine_modules().items():
         code = _IMPORT.sub(lambda m: f"const {{{m[1]}}} = engine_{m[2]};", code)
         exported = _EXPORT.findall(code)
         code = _EXPORT.sub(lambda m: f"{m[1]} {m[2]}", code)
