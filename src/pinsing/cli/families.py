@@ -96,15 +96,10 @@ def algebra_options(command: F) -> F:
         help="Lengths below this count as zero: noise of the model file.  [default: off]",
     )
     @functools.wraps(command)
-    def wrapper(
-        *args: Any,
-        seconds: float | None,
-        angle_tol: float | None,
-        snap_length: float | None,
-        **rest: Any,
-    ) -> Any:
-        asked = {"seconds": seconds, "angle_tol": angle_tol, "snap_length": snap_length}
-        return command(*args, algebra={k: v for k, v in asked.items() if v is not None}, **rest)
+    def wrapper(*args: Any, **options: Any) -> Any:
+        asked = {name: options.pop(name) for name in ("seconds", "angle_tol", "snap_length")}
+        algebra = {name: value for name, value in asked.items() if value is not None}
+        return command(*args, algebra=algebra, **options)
 
     return wrapper  # type: ignore[return-value]
 
@@ -550,7 +545,7 @@ def families_command(
         )
         return _symbolic(request, symbolic, latex, algebra, json_target, fail_if_singular)
     arm = request.load()
-    from pinsing.families.certificate import LONG
+    from pinsing.families.certificate import LONG, text_of
     from pinsing.families.form import answer_text, certainty, families_text
 
     def written(form: families.ClosedForm, undecided: bool = False) -> str:
@@ -580,7 +575,10 @@ def families_command(
     elif again and not latex:
         emit(certainty(found, Page.of()))
     if certificate is not None:
-        _write(found.certificate, found.proof.reason if found.proof else "", certificate)
+        if found.certificate is None:
+            reason = found.proof.reason if found.proof else ""
+            raise OptionError(f"no certificate to write: {reason}")
+        put(text_of(found.certificate) + "\n", certificate)
     if system is not None:
         _write_system(found, chosen, system)
     return int(fail_if_singular and any(f.is_reachable for f in found.families))
@@ -610,14 +608,6 @@ def _write_system(form: families.ClosedForm, chosen: tuple[str, ...], path: Path
         for line in remarks:
             say(line.strip())
     put(text, path)
-
-
-def _write(data: dict[str, Any] | None, reason: str, path: Path) -> None:
-    from pinsing.families.certificate import text_of
-
-    if data is None:
-        raise OptionError(f"no certificate to write: {reason}")
-    put(text_of(data) + "\n", path)
 
 
 @command("verify")

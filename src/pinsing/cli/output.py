@@ -451,18 +451,12 @@ def place_options(command: F) -> F:
         "--dask", metavar="ADDRESS", help="Run on a dask.distributed cluster: tcp://HOST:PORT."
     )
     @functools.wraps(command)
-    def wrapper(
-        *args: Any,
-        engine: str,
-        threads: int | None,
-        workers: int | None,
-        dask: str | None,
-        **rest: Any,
-    ) -> Any:
-        given = [n for n, v in (("threads", threads), ("workers", workers), ("dask", dask)) if v]
+    def wrapper(*args: Any, **options: Any) -> Any:
+        where = {name: options.pop(name) for name in ("engine", "threads", "workers", "dask")}
+        given = [name for name in ("threads", "workers", "dask") if where[name]]
         if len(given) > 1:
             raise OptionError(f"--{given[0]} and --{given[1]} exclude each other")
-        return command(*args, place=lambda: _run_place(engine, threads, workers, dask), **rest)
+        return command(*args, place=lambda: _run_place(**where), **options)
 
     return wrapper  # type: ignore[return-value]
 

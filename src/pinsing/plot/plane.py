@@ -753,7 +753,6 @@ class Reach:
     cusps: Array
     nodes: Array
     cusp_joints: Array  # (C, 2): values of the second and third joint at the cusps
-    within_limits: bool  # whether the second and third joint end at their limits
 
 
 @dataclass(frozen=True, eq=False)
@@ -978,7 +977,6 @@ def reach_of(arm: Arm, samples: int, limits: bool) -> Reach:
         cusps=cusps,
         nodes=nodes_of(section, lines, cusps, size),
         cusp_joints=joints_at,
-        within_limits=limits,
     )
 
 
@@ -1101,7 +1099,7 @@ def inverse_count(
     ax.set_xlabel("distance from the first axis, r [m]", fontsize=SMALL + 1)
     ax.set_ylabel("along it, z [m]", fontsize=SMALL + 1)
     ax.tick_params(labelsize=SMALL)
-    where = "within the joint limits" if found.within_limits else "without joint limits"
+    where = "within the joint limits" if limits else "without joint limits"
     ax.set_title(f"{plain(arm.name)}: inverse solutions by position, {where}", fontsize=SMALL)
     legend_below(ax, 2, left=True)
     return ax
