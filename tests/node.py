@@ -21,9 +21,7 @@ needs_node = pytest.mark.skipif(NODE is None, reason="Node.js is not installed")
 def run(code: str, data: Any) -> Any:
     """What a function of the engine's modules returns: ``code`` sees ``m`` and ``data``."""
     assert NODE is not None
-    modules = ", ".join(
-        f'...await import("{(FOLDER / f"{n}.mjs").as_uri()}")' for n in engine_modules()
-    )
+    modules = ", ".join(f'...await import("{FOLDER.as_uri()}/{n}.mjs")' for n in engine_modules())
     program = f"""
       import {{ readFileSync }} from "node:fs";
       const m = {{ {modules} }};

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from arms import textbook
 from click.testing import CliRunner
+from tiers import tiered_rows
 
 import pinsing
 from pinsing.cli.show import report_command
@@ -306,18 +307,16 @@ def test_the_command_writes_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert frame["title"]
 
 
-def test_without_a_browser_there_is_one_line_and_no_file(tmp_path, monkeypatch):
-    monkeypatch.setattr("pinsing.view.picture.find_browser", lambda: None)
-    with pytest.raises(OutputError, match="needs Chromium"):
-        write_report(textbook("planar3r"), tmp_path / "r.html", pdf=tmp_path / "r.pdf")
-    assert not list(tmp_path.iterdir())
+FAILING = [(None, "needs Chromium"), ("/bin/false", "printed nothing")]
 
 
-@pytest.mark.slow
-def test_a_browser_that_fails_leaves_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr("pinsing.view.picture.find_browser", lambda: "/bin/false")
+@pytest.mark.parametrize(("browser", "said"), tiered_rows(FAILING, FAILING[:1]))
+def test_without_a_browser_that_prints_there_is_one_line_and_no_file(
+    browser, said, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("pinsing.view.picture.find_browser", lambda: browser)
     arm = textbook("planar3r", task="position")
-    with pytest.raises(OutputError, match="printed nothing"):
+    with pytest.raises(OutputError, match=said):
         write_report(arm, tmp_path / "r.html", page="none", pdf=tmp_path / "r.pdf")
     assert not list(tmp_path.iterdir())
 

@@ -364,21 +364,14 @@ def test_a_saved_analysis_is_shown(tmp_path: Path) -> None:
 
 
 def test_a_picture_without_a_browser_says_what_is_missing(tmp_path, monkeypatch):
-    """No browser, one that cannot be started, one that ends at once: a line, and no file."""
-    junk = tmp_path / "junk"
+    junk, viewer = tmp_path / "junk", Viewer(textbook("scara"), skeleton=True)
     junk.write_bytes(b"\x7fELF")
     junk.chmod(0o755)
-    out = tmp_path / "a.png"
-    with Viewer(textbook("scara"), skeleton=True) as viewer:
-        for browser, said in (
-            (None, "none is installed"),
-            (junk, f"cannot write .*a.png: {junk}: Exec format error"),
-            ("/bin/false", "the browser ended at once"),
-        ):
-            found = None if browser is None else str(browser)
-            monkeypatch.setattr("pinsing.view.picture.find_browser", lambda found=found: found)
-            with pytest.raises(OutputError, match=said):
-                viewer.save_png(out)
+    missing = {None: "Chromium", str(junk): f"a.png: {junk}: ", "/bin/false": "a.png: .*at once"}
+    for browser, said in missing.items():
+        monkeypatch.setattr("pinsing.view.picture.find_browser", lambda found=browser: found)
+        with viewer, pytest.raises(OutputError, match=said):
+            viewer.save_png(tmp_path / "a.png")
     assert os.listdir(tmp_path) == ["junk"]
 
 

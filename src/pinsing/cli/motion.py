@@ -80,6 +80,12 @@ if TYPE_CHECKING:
     from pinsing.robot.arm import Arm
 
 
+def _tell(found: Any, json_target: str | Path | None, deg: bool) -> None:
+    """Print an answer, or write it as JSON."""
+    if not emit_json(found, json_target):
+        emit_lines(found.text(in_degrees(deg)))
+
+
 @command("zones")
 @arm_options
 @tip_speed_options
@@ -147,8 +153,7 @@ def zones_command(
             boxes=boxes or BOXES,
             progress=lambda what, k, n: step_to(what, f"{k} boxes of at most {n}"),
         )  # fmt: skip
-    if not emit_json(answer, json_target):
-        emit_lines(answer.text(in_degrees(deg)))
+    _tell(answer, json_target, deg)
 
 
 _ANGLE = re.compile(r"\s*([0-9.eE+-]+)\s*(deg|°|rad)?\s*")
@@ -315,11 +320,10 @@ def check_command(
         from pinsing.families.form import coverage_words
         from pinsing.view.trajectory import trajectory_data
 
-        said = coverage_words(form)
         shown = trajectory_data(
             arm, check, read.Q, read.t, name=file.name, robot=request.words, notes=read.notes
         )
-        viewer = view.Viewer(arm, form.families, shown=shown, coverage=said)
+        viewer = view.Viewer(arm, form.families, shown=shown, coverage=coverage_words(form))
         show_page(arm.name, lambda at: viewer, live, html=html, no_open=no_open)
     return int(fail_within is not None and not check.clearance > fail_within)
 
@@ -647,8 +651,7 @@ def suggest_command(
     chosen = chosen_for(arm, near=near, reach=reach, families=only or None)
     with doing("searching for a configuration"):
         found = proximity.suggest(arm, seed=seed, **chosen)
-    if not emit_json(found, json_target):
-        emit_lines(found.text(in_degrees(deg)))
+    _tell(found, json_target, deg)
 
 
 _ignore_limits = click.option("--ignore-limits", is_flag=True, help="Ignore joint limits.")
@@ -672,8 +675,7 @@ def aspects_command(
 
     with doing("counting aspects"):
         found = postures.aspects(families.closed_form(arm), limits=not ignore_limits)
-    if not emit_json(found, json_target):
-        emit_lines(found.text(in_degrees(deg)))
+    _tell(found, json_target, deg)
 
 
 @command("postures")
@@ -712,13 +714,11 @@ def postures_command(
     with doing("looking for other postures and paths to them, for a minute or so"):
         form = families.closed_form(arm)
         found = postures.posture_changes(arm, at, forms=form, limits=not ignore_limits)
-    if not emit_json(found, json_target):
-        emit_lines(found.text(in_degrees(deg)))
+    _tell(found, json_target, deg)
     if live or html is not None:
         from pinsing.families.form import coverage_words
 
-        said = coverage_words(form)
-        viewer = view.Viewer(arm, form.families, postures=found, coverage=said)
+        viewer = view.Viewer(arm, form.families, postures=found, coverage=coverage_words(form))
         show_page(arm.name, lambda at: viewer, live, html=html, no_open=no_open)
 
 
@@ -744,8 +744,7 @@ def cuspidal_command(
 
     with doing("trying random poses"):
         found = postures.cuspidality(arm, forms=families.closed_form(arm), poses=poses, seed=seed)
-    if not emit_json(found, json_target):
-        emit_lines(found.text(in_degrees(deg)))
+    _tell(found, json_target, deg)
 
 
 def _ranges(text: str, option: str, degrees: bool | None) -> dict[str, tuple[float, float]]:

@@ -963,7 +963,10 @@ def reach_of(arm: Arm, samples: int, limits: bool) -> Reach:
     size = float(np.ptp(places.reshape(-1, 2), axis=0).max())
     lines = [x for x in lines if np.ptp(section.place(x), axis=0).max() > 1e-6 * size]
     joints_at = cusps_of(section, lines)
-    cusps = _distinct(section.place(joints_at), size)
+    cusps = section.place(joints_at)
+    # Of cusps at one place, as of mirror images, the first stands for all.
+    gaps = np.linalg.norm(cusps[:, None] - cusps, axis=-1)
+    cusps = cusps[~np.tril(gaps <= 1e-5 * size, -1).any(axis=1)]
     top = float(places[..., 0].max())
     low, high = float(places[..., 1].min()), float(places[..., 1].max())
     margin = 0.03 * size
@@ -978,14 +981,6 @@ def reach_of(arm: Arm, samples: int, limits: bool) -> Reach:
         nodes=nodes_of(section, lines, cusps, size),
         cusp_joints=joints_at,
     )
-
-
-def _distinct(places: Array, size: float) -> Array:
-    out: list[Array] = []
-    for p in places:
-        if all(np.linalg.norm(p - o) > 1e-5 * size for o in out):
-            out.append(p)
-    return np.array(out).reshape(-1, 2)
 
 
 def _onto(section: Section, x: Array) -> Array:

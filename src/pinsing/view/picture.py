@@ -57,9 +57,7 @@ def take_picture(url: str, path: str | os.PathLike[str], size: tuple[int, int]) 
     browser = check_browser(path, "a picture", "-o FILE.html needs none")
     try:
         picture = _taken(browser, url, size)
-    except OutputError:
-        raise
-    except (OSError, asyncio.TimeoutError) as error:  # it does not start, or says no more
+    except (OSError, asyncio.TimeoutError) as error:  # it may not start, or say no more
         said = why(error) or f"no picture within {_SECONDS:g} s"
         raise OutputError(f"cannot write {path}: {browser}: {said}") from None
     write_bytes(path, picture)

@@ -99,9 +99,9 @@ def meshcat_script() -> str:
 def engine_modules() -> dict[str, str]:
     """Return the code of each module of the engine, after those that it imports."""
     folder = files("pinsing.view").joinpath("engine")
-    found = sorted(file.name for file in folder.iterdir() if file.name.endswith(".mjs"))
-    code = {name[:-4]: folder.joinpath(name).read_text(encoding="utf-8") for name in found}
-    needs = {name: [m[1] for m in _IMPORT.findall(text)] for name, text in code.items()}
+    found = [file for file in folder.iterdir() if file.name.endswith(".mjs")]
+    code = {file.name[:-4]: file.read_text(encoding="utf-8") for file in found}
+    needs = {name: [m[1] for m in _IMPORT.findall(code[name])] for name in sorted(code)}
     return {name: code[name] for name in TopologicalSorter(needs).static_order()}
 
 
