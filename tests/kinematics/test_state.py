@@ -177,6 +177,13 @@ def test_near_singular_says_how_little_is_left():
     assert at(arm, state.q, rtol=1e-2).status == "singular"
 
 
+@pytest.mark.parametrize("slide", [1e3, 1e9])
+def test_beside_a_slide_of_kilometres_one_joint_alone_counts_for_nothing(slide):
+    state = at(arm_of("stanford"), [0, 1.5, slide, 0, 0.5, 0])
+    assert "collinear" not in str(state)
+    assert all("can move together with the tip" in d.reason for d in state.dependences)
+
+
 def test_five_joints_always_miss_one_direction():
     arm = arm_of("so101")
     found = refine(arm, [0.0, 0.3, 0.1, -0.2, 0.1])

@@ -167,7 +167,9 @@ def pose_reason(
     turning = tuple(i for i in ids if not axes.prismatic[i])
     sliding = tuple(i for i in ids if axes.prismatic[i])
     reason = None
-    if not sliding:
+    if len(ids) == 1:  # beside a slide of kilometres
+        pass
+    elif not sliding:
         reason = _of_turning(axes, ids, centres, tol, nearly)
     elif not turning:
         words = "parallel" if axes.parallel(ids, tol) else "parallel to one plane"
