@@ -175,14 +175,9 @@ class Apart:
         self._budget, self._hear = budget, hear
         self._until = time.monotonic() + seconds
         self._seconds = seconds
-        self._to_parent: Connection | None = None
+        self._to_parent: Connection | None = None  # in the child alone
         self._from_child: Connection | None = None
         self._pid = 0
-
-    @property
-    def child(self) -> bool:
-        """True if this is the child."""
-        return self._to_parent is not None
 
     def tell(self, what: Any) -> None:
         """Tell the parent something that can be pickled, or ``hear`` where there is no child."""
@@ -192,7 +187,7 @@ class Apart:
             self._hear(what)
 
     def run(self, work: Callable[[], T], at_once: bool = False) -> Outcome[T]:
-        """The result of ``work``, to be pickled if ``child``; forked first if ``at_once``."""
+        """The result of ``work``, to be pickled if from a child; forked first if ``at_once``."""
         if possible():
             self._budget.meter.when_long = self._fork
         try:
@@ -202,13 +197,13 @@ class Apart:
         except _HandedOver:
             return self._wait()
         except BaseException as problem:
-            if self.child:
+            if self._to_parent is not None:
                 self._leave("problem", problem)
             raise
         finally:
-            if not self.child:
+            if self._to_parent is None:
                 self._budget.meter.when_long = None
-        if self.child:
+        if self._to_parent is not None:
             self._leave("result", result)
         return Outcome(result)
 

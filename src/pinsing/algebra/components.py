@@ -177,17 +177,15 @@ class FoundComponents:
 
     def _unaccounted(self, kept: Sequence[Component]) -> Component | None:
         """Something that was found, or passed over as a part of it, and is in none of these."""
-
-        def lies_in_one(c: Component) -> bool:
-            return any(inside(c, k, self.ring) for k in kept)
-
-        for c, backing in self._found:
-            held = backing.points and all(on_any(kept, s) for s in backing.points)
-            if not held and not lies_in_one(c):
+        apart = (
+            c
+            for c, backing in self._found
+            if not (backing.points and all(on_any(kept, s) for s in backing.points))
+        )
+        for c in itertools.chain(apart, self._passed):
+            if not any(inside(c, k, self.ring) for k in kept):
                 return c
-        passed = (c for c in self._passed if not lies_in_one(c))
-        left = (c for s, c in self._held if not on_any(kept, s))
-        return next(itertools.chain(passed, left), None)
+        return next((c for s, c in self._held if not on_any(kept, s)), None)
 
 
 def by_size(c: Component) -> tuple[int, int]:
@@ -859,7 +857,7 @@ def decompose(
     """
     apart = Apart(time, time.on_clock + _TO_ASK * time.seconds)
     # A child tells what it found, in case that it is stopped.
-    found = FoundComponents(ring, lambda c: apart.tell(c) if apart.child else None)
+    found = FoundComponents(ring, apart.tell)
     for c in known:
         found.add(c.values, c.relations, c.proven, c.codimension)
     search = Search(ring, time, found)

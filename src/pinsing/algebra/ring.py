@@ -277,7 +277,7 @@ class Ring:
                 powers = [min(c) if x in tangents else 0 for x, c in enumerate(contents)]
                 # Flint's gcd of forms modulo a prime may not end where that of the same in half-
                 # angle tangents takes less than a millisecond.
-                at = self._at_one(tangents)
+                at = {self.context.names()[x]: 1 for x in tangents}
                 found = self._form(self.gcd(p.subs(at), g.subs(at)), tangents)
                 return self.monic(found * self.context.term(exp_vec=powers))
         p, g = self.monic(p), self.monic(g)
@@ -376,7 +376,8 @@ class Ring:
         tangents = self._tangents(rest)
         if tangents is None:
             return None
-        found = self._irreducible(rest.subs(self._at_one(tangents)))
+        names = self.context.names()
+        found = self._irreducible(rest.subs({names[x]: 1 for x in tangents}))
         forms = [self._form(f, tangents) for f in found]
         factors += [-f if f.leading_coefficient() < 0 else f for f in forms]
         # In the order that flint has them in: the last joints first, of a joint y before x.
@@ -395,10 +396,6 @@ class Ring:
                 return None
             tangents.append(x)
         return tangents
-
-    def _at_one(self, tangents: Sequence[int]) -> dict[str, int]:
-        names = self.context.names()
-        return {names[x]: 1 for x in tangents}
 
     def _form(self, poly: Poly, tangents: Sequence[int]) -> Poly:
         """A polynomial in tangents y with as much of each x as makes it a form."""

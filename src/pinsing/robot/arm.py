@@ -552,15 +552,12 @@ class Arm(Advised, Memory):
 
     def __post_init__(self) -> None:
         require_scale(self.length_scale)
-        self._freeze()
+        for array in (self.lower, self.upper, self.prismatic):
+            array.setflags(write=False)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._freeze()  # NumPy does not pickle the flag
-
-    def _freeze(self) -> None:
-        for array in (self.lower, self.upper, self.prismatic):
-            array.setflags(write=False)
+        self.__post_init__()  # NumPy does not pickle the flag
 
     @cached_property
     def space(self) -> JointSpace:

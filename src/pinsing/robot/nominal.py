@@ -114,7 +114,10 @@ def jacobian_change(one: Chain, other: Chain, arm: Arm, tip_angle: float = 0.0) 
     angle[n] = 0.0  # what it turns is the tip frame alone
     with_tip = float(angle.sum()) + tip_angle if arm.task.at_tip else 0.0
     shift = np.linalg.norm(one.t - other.t, axis=1)
-    travel = _travel(arm)
+    travel = np.maximum(np.abs(arm.lower), np.abs(arm.upper))  # of each joint from its zero
+    if arm.coupling is not None:
+        matrix = np.abs(arm.coupling.matrix)
+        travel = _product(matrix, travel).sum(axis=1) + np.abs(arm.coupling.offset)
     step = np.linalg.norm(one.t, axis=1) + np.linalg.norm(other.t, axis=1)
     step /= 2
     step[1:] += np.where(one.prismatic, travel, 0.0)
@@ -131,19 +134,8 @@ def jacobian_change(one: Chain, other: Chain, arm: Arm, tip_angle: float = 0.0) 
         moved[i] += _product(turned[i] + with_tip, beyond[i])
         spun[i] = turned[i] + with_tip
     if arm.coupling is not None:  # a free joint moves its followers along
-        matrix = np.abs(arm.coupling.matrix)
         moved, spun = _product(matrix.T, moved).sum(axis=-1), matrix.T @ spun
     return float(np.hypot(moved / arm.length_scale, spun).max())
-
-
-def _travel(arm: Arm) -> Array:
-    """Largest distance of each joint of the model from its zero, within the limits."""
-    travel = np.maximum(np.abs(arm.lower), np.abs(arm.upper))
-    if arm.coupling is None:
-        return travel
-    return np.asarray(
-        _product(np.abs(arm.coupling.matrix), travel).sum(axis=1) + np.abs(arm.coupling.offset)
-    )
 
 
 def _product(a: Array | float, b: Array | float) -> Array:
@@ -241,15 +233,6 @@ class Deviation:
 
     def __str__(self) -> str:
         return f"{self.geometry}: {self.change}"
-
-
-def shortest_decimal(value: float, noise: float) -> Fraction:
-    """The decimal with the fewest digits within float ``noise`` of a length: the one written."""
-    for digits in range(16):
-        rounded = round(value, digits)
-        if abs(rounded - value) <= noise:
-            return Fraction(repr(rounded))
-    return Fraction(repr(value))
 
 
 Length3 = tuple[Fraction, Fraction, Fraction]
@@ -468,9 +451,11 @@ class ExactPlacements:
         return c, s
 
     def _length(self, i: int, value: float) -> Fraction:
-        """The decimal that was written; below ``snap_length``, zero."""
+        """The decimal that was written, the shortest within noise; below ``snap_length``, zero."""
         if abs(value) >= self.snap_length:
-            return shortest_decimal(value, self.noise)
+            decimals = (round(value, digits) for digits in range(16))
+            near = (decimal for decimal in decimals if abs(decimal - value) <= self.noise)
+            return Fraction(repr(next(near, value)))
         if abs(value) > self.noise:
             self.snaps.append(Snap(self.places[i], "length", value, 0.0))
         return Fraction(0)
