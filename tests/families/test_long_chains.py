@@ -39,9 +39,32 @@ def on_any(branches, q):
 
 
 @pytest.fixture(scope="module")
+def nine():
+    arm = snake(9)
+    (family,) = pinsing.closed_form(arm, prove=False).families
+    assert family.confirm is not None
+    return arm, family
+
+
+@pytest.fixture(scope="module")
 def thirteen():
     arm = snake(13)
     return arm, pinsing.closed_form(arm, seconds=60)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "options", [{}, {"weights": np.arange(1.0, 10)}, {"norm": "max"}, {"within_limits": True}]
+)
+def test_the_nearest_point_of_equations_that_hold_elsewhere_too_is_singular(nine, options):
+    arm, family = nine
+    for q in np.random.default_rng(1).uniform(-1, 1, (2, 9)):
+        found = family.distance(q, **options)
+        assert ratios(arm, found.q[None])[0] < 1e-9
+        away = np.abs(found.q - q) * options.get("weights", 1)
+        far = away.max() if "norm" in options else np.linalg.norm(away)
+        assert found.upper == pytest.approx(far)
+        assert found.lower <= found.upper
 
 
 @pytest.mark.slow

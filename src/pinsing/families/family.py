@@ -428,12 +428,14 @@ class Family(JsonResult):
         )
         options = SearchOptions(gap, boxes, within_limits)
         exact = all(not b.equations for b in self.branches)
-        found = nearest(self.conditions(weights, norm), q, self.limits, options, exact)
+        conditions = self.conditions(weights, norm)
+        found = nearest(conditions, q, self.limits, options, exact)
         if found is None:
             raise ConfigurationError(f"family {self.name}: no real point was found on it")
-        if self.confirm is None or within_limits or weights is not None or norm != "euclidean":
+        if self.confirm is None or not np.isfinite(found.q).all() or self.confirm(found.q[None])[0]:
             return found
-        return own_nearest(found, self.branches, self.space, q, self.confirm)
+        limits = self.limits if within_limits else None
+        return own_nearest(found, conditions, self.branches, self.space, q, limits, self.confirm)
 
     @checked
     def gradient(self, q: ArrayLike) -> Array:

@@ -591,26 +591,33 @@ def nearest(
 
 
 def own_nearest(
-    found: Distance, branches: Sequence[Branch], space: JointSpace, q: Array, confirm: OwnPoints
+    found: Distance,
+    conditions: Conditions,
+    branches: Sequence[Branch],
+    space: JointSpace,
+    q: Array,
+    limits: tuple[Array, Array] | None,
+    confirm: OwnPoints,
 ) -> Distance:
     """Return the distance to a confirmed point; its lower bound holds, as families are subsets."""
-    if not np.isfinite(found.q).all() or confirm(found.q[None])[0]:
-        return found
     rng = np.random.default_rng(3)
-    step = space.metric * max(found.upper, 1e-3)
+    step = max(found.upper, 1e-3) / conditions.weight
     starts = q + rng.normal(size=(_STARTS, len(q))) * step * rng.uniform(0.1, 3.0, (_STARTS, 1))
-    best, least = found.q, np.inf
+    best, least = np.full(len(q), np.nan), np.inf
     for branch in branches:
         moved, ok = project(branch.equations, branch.put(starts, space), branch.free(space.n))
         moved = moved[ok]
-        moved = moved[confirm(moved)] if len(moved) else moved
-        away = moved - q
-        away -= np.where(space.prismatic, 0.0, 2 * np.pi * np.round(away / (2 * np.pi)))
-        size = np.linalg.norm(away / space.metric, axis=-1)
+        if limits is None:
+            away = moved - q
+            away -= np.where(space.prismatic, 0.0, 2 * np.pi * np.round(away / (2 * np.pi)))
+        else:
+            moved = space.fold(moved)
+            moved = moved[((moved >= limits[0]) & (moved <= limits[1])).all(axis=1)]
+            away = moved - q
+        away = away[confirm(moved)] if len(moved) else away
+        size = conditions.size(away * conditions.weight)
         if len(size) and size.min() < least:
             least, best = float(size.min()), q + away[int(size.argmin())]
-    if not np.isfinite(least):
-        best = np.full(len(q), np.nan)
     return Distance(least, best, False, found.lower, least)
 
 
