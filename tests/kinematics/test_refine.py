@@ -115,6 +115,8 @@ def test_wrong_input():
         refine(arm, np.zeros(6), fixed=["q55"])
     with pytest.raises(OptionError, match="fixed"):
         refine(arm, np.zeros(6), fixed=[1, 2])
+    with pytest.raises(OptionError, match="fixed"):
+        refine_many(arm, np.zeros((3, 6)), fixed=np.zeros((2, 6), dtype=bool))
 
 
 def in_numpy(monkeypatch):

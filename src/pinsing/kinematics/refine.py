@@ -300,7 +300,7 @@ def approach(
         # Neither by rounding: what is held stays, and limits are kept.
         ends = np.clip(np.where(mask, ends * metric, Q), low, high)
         Q = np.where((iterations < 0)[:, None], Q, ends)
-    left = iterations < 0  # what the kernel does not cover, or where singular values do not settle
+    left = iterations < 0  # what the kernel does not cover, or where a Jacobian overflows
     if left.any():
         Q[left], iterations[left], stationary[left] = _in_numpy(
             arm, Q[left], mask[left], (low, high), max_iterations
@@ -567,9 +567,9 @@ def refine_many(
         array = np.asarray([fixed] if isinstance(fixed, str) else fixed)
         if array.dtype.kind == "U":
             free = ~arm.space.mask(array.ravel().tolist())
-        elif array.dtype == bool and array.shape[-1:] == (arm.n,):
+        elif array.dtype == bool and array.shape in ((arm.n,), (1, arm.n), Q0.shape):
             free = np.asarray(~array)
-        elif array.size:
+        elif array.shape != (0,):
             raise OptionError(f"fixed must be joint names or a mask of {arm.n} booleans")
     return _describe(arm, walk(arm, Q0, free, ignore_limits, max_iterations))
 
