@@ -108,7 +108,9 @@ def reduce_matrix(
     rows = matrix
     if not (generic and len(rows) == rank):
         rows = independent_rows(matrix, ring)
-    rows = _without_zeros(rows)
+    # Without columns of zeros: with them a bound on codimensions would be too large.
+    columns = [c for c in zip(*rows, strict=True) if any(c)]
+    rows = [list(row) for row in zip(*columns, strict=True)]
     never = MadeOnce()
     while rows and rank > 0:
         time.check()
@@ -134,16 +136,9 @@ def reduce_matrix(
         rows = [primitive(row, ring) for row in rest if any(row)]
         if not (generic and len(rows) == rank):
             rows = independent_rows(rows, ring)
-        if rows:
-            columns = [primitive(list(c), ring) for c in zip(*_without_zeros(rows), strict=True)]
-            rows = [list(row) for row in zip(*columns, strict=True)]
+        filled = [primitive(list(c), ring) for c in zip(*rows, strict=True) if any(c)]
+        rows = [list(row) for row in zip(*filled, strict=True)]
     return rows, rank
-
-
-def _without_zeros(rows: Matrix) -> Matrix:
-    """Drop columns of zeros: with them a bound on codimensions would be too large."""
-    columns = [c for c in zip(*rows, strict=True) if any(x != 0 for x in c)]
-    return [list(row) for row in zip(*columns, strict=True)]
 
 
 def _unit(rows: Matrix, ring: Ring, never: MadeOnce) -> tuple[int, int] | None:
