@@ -223,7 +223,8 @@ class Conditions:
 
     @cached_property
     def box(self) -> float:
-        """Products of a budget that a box of a search costs: six terms take the time of one."""
+        """Products of a budget that a box of a search costs at most, in all branches."""
+        # Six terms take the time of one product.
         return _BOX + sum(s.rate.size for s in self.sums) / 6
 
     def size(self, X: Array) -> Array:
@@ -684,7 +685,8 @@ terms. Arms of the catalogue take up to 10,000 for the default gap."""
 WORK = 10.0
 """Seconds of a budget: of `suggest`, where arms of the catalogue use 3.2 at most, and of a search
 whose number of boxes is not given. All BOXES of sums of a hundred terms take less; chains with
-thousands of terms take a minute for these, and the last nine tenths of it gain next to nothing."""
+thousands of terms take up to a minute for these. Of a finger of Alex they would gain next to
+nothing more; of its arm to the wrist, 9 joints, a lower bound of 0.49 instead of 0.42 rad."""
 _BOX = 20.0
 """Products that a box costs besides its terms."""
 
