@@ -19,7 +19,7 @@ import functools
 import itertools
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -376,12 +376,6 @@ def _solved(equation: Equation, joint: int | None) -> SolvedFor | None:
 def long_form(equation: Equation) -> SolvedFor | None:
     """Return how a long equation is stated; None for short ones, and where no joint enters once."""
     return solved(equation) if len(equation.cos) > LONG else None
-
-
-def solved_for(systems: Iterable[Sequence[Equation]]) -> tuple[SolvedFor, ...]:
-    """Return the long equations that stand alone in a system: those leave the other joints free."""
-    forms = [long_form(system[0]) for system in systems if len(system) == 1]
-    return tuple(dict.fromkeys(form for form in forms if form is not None))
 
 
 _INDEPENDENT = 1e-7

@@ -54,7 +54,7 @@ from pinsing.algebra.real_roots import (
     real_solutions,
 )
 from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value
-from pinsing.families.at_once import LONG, at_once, long_form, long_ones, rank_of, solved_for
+from pinsing.families.at_once import LONG, at_once, long_form, long_ones, rank_of
 from pinsing.families.family import Family, KindPart, values_reached
 from pinsing.families.zero_set import (
     ROUNDS,
@@ -261,7 +261,8 @@ class PieceMaker:
         def draws() -> Iterator[Array]:
             # A few points may all be regular ones of the equations, many seldom.
             for some in (count, max(32, count)):
-                given = some, self.rng, self.rounds(rounds), self.time.stop
+                batches = 1 if self.time.over else rounds
+                given = some, self.rng, batches, self.time.stop
                 yield search(branch.equations, box, *given)
             yield self.thrown(branch, 40)
 
@@ -290,10 +291,6 @@ class PieceMaker:
         parts = [branch.off(q, self.space) * metric]
         parts += [system_of(branch.equations).values(q)] if branch.equations else []
         return np.asarray(np.abs(np.concatenate(parts, axis=1)).max(axis=1, initial=0.0))
-
-    def rounds(self, wanted: int = ROUNDS) -> int:
-        """Batches of random starts that there is time for."""
-        return 1 if self.time.over else wanted
 
     def _value(self, joint: int, value: Value) -> JointValue:
         if self.ring.prismatic[joint]:
@@ -770,7 +767,8 @@ def describe(
     draft = draft if confirm is None else replace(draft, confirm=confirm)
 
     def points(of: Family, within: bool, time: Budget, count: int = _WITNESSES) -> Array:
-        return of.points(count, rng, within, maker.rounds(), time.stop)
+        batches = 1 if maker.time.over else ROUNDS
+        return of.points(count, rng, within, batches, time.stop)
 
     if not draft.real:
         # No less may be said than samples show.
@@ -825,10 +823,10 @@ def describe(
         witness=generic if len(inside) else None,
         generic=generic,
         rank=loss.rank,
-        lost=(*(str(x) for x in loss.lost), *missing_everywhere(loss)),
+        lost=(*(motion.words for motion in loss.lost), *missing_everywhere(loss)),
         kind=kinds[0].kind if len(kinds) == 1 else "varies",
         kinds=kinds,
-        reason="; ".join(str(d) for d in loss.dependences),
+        reason="; ".join(d.reason for d in loss.dependences),
         raw_ratio=None if maker.geometry.exact else float(ratios(arm, found).max()),
     )
 
@@ -839,6 +837,8 @@ def stated(group: Sequence[SolvedPiece], maker: PieceMaker, arm: Arm) -> Family:
     solved = group[0].solved
     prismatic = [bool(p) for p in arm.prismatic]
     involved = sorted({j for b in branches for j in b.involved})
+    # Long equations that stand alone on a branch: those leave the other joints free.
+    forms = [long_form(b.equations[0]) for b in branches if len(b.equations) == 1]
     return Family(
         name="",
         text=statement(branches, solved, maker.symbols, prismatic),
@@ -862,7 +862,7 @@ def stated(group: Sequence[SolvedPiece], maker: PieceMaker, arm: Arm) -> Family:
         length_scale=arm.length_scale,
         components=tuple(p.component for p in group),
         confirm=maker.confirm,
-        solved=solved_for(b.equations for b in branches),
+        solved=tuple(dict.fromkeys(form for form in forms if form is not None)),
         arm=arm,
     )
 

@@ -585,7 +585,10 @@ class Family(JsonResult):
         lower, upper = self.box(within_limits)
         box = (lower, upper) if within_limits else None
         usable = [(b, v) for b in self.branches for v in b.held(self.space, box)]
-        below, above = self._loose_ends(within_limits)
+        # Sliders that may go on below and above the range that points are drawn from.
+        below = above = self.prismatic
+        if within_limits:
+            below, above = below & np.isinf(self.lower), above & np.isinf(self.upper)
         for widen in (0.0, 1.0, 10.0):  # sliders may have to leave their limits
             far = widen * self.length_scale
             low, high = lower - far * below, upper + far * above
@@ -621,13 +624,6 @@ class Family(JsonResult):
         outside = ((sharp < lower - 1e-9) | (sharp > upper + 1e-9)).any(axis=-1)
         return sharp[~outside] if within_limits else sharp
 
-    def _loose_ends(self, within_limits: bool) -> tuple[Bool, Bool]:
-        """Return which sliders may go on below and above the range that points are drawn from."""
-        if not within_limits:
-            return self.prismatic, self.prismatic
-        below, above = np.isinf(self.lower), np.isinf(self.upper)
-        return self.prismatic & below, self.prismatic & above
-
     def _own(self, points: Array) -> Array:
         """Those of some points (N, n) of the equations that are the family's own."""
         if self.confirm is None or not len(points):
@@ -652,12 +648,11 @@ class Family(JsonResult):
             Lower and upper ends, radians and metres.
         """
         lower, upper = (np.array(end) for end in self.space.range(not within_limits))
-        below, above = self._loose_ends(within_limits=True)
         for value in (v for branch in self.branches for v in branch.values):
             j = value.joint
-            if below[j]:
+            if self.prismatic[j] and np.isinf(self.lower[j]):
                 lower[j] = min(lower[j], value.value - self.length_scale)
-            if above[j]:
+            if self.prismatic[j] and np.isinf(self.upper[j]):
                 upper[j] = max(upper[j], value.value + self.length_scale)
         wider = self.limit_tolerance if within_limits else None
         return (lower, upper) if wider is None else (lower - wider, upper + wider)

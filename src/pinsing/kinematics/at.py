@@ -561,17 +561,16 @@ def _self_motions(V: Array, arm: Arm) -> tuple[SelfMotion, ...]:
     V /= np.abs(V).max(axis=0, initial=1e-300)
     V[np.abs(V) < 1e-9] = 0.0
     order = sorted(range(d), key=lambda c: int(np.flatnonzero(V[:, c])[0]))
-    return tuple(_self_motion(V[:, c], arm) for c in order)
-
-
-def _self_motion(v: Array, arm: Arm) -> SelfMotion:
-    first = v[np.flatnonzero(np.abs(v) > 1e-6)[0]]
-    v = v * np.sign(first) + 0.0
-    parts = [
-        f"{arm.joints[i]} at {v[i]:+.3g} {'m/s' if arm.prismatic[i] else 'rad/s'}"
-        for i in np.flatnonzero(np.abs(v) > 1e-6)
-    ]
-    return SelfMotion(v, listed(parts))
+    found = []
+    for v in V[:, order].T:
+        moving = np.flatnonzero(np.abs(v) > 1e-6)
+        v = v * np.sign(v[moving[0]]) + 0.0
+        parts = [
+            f"{arm.joints[i]} at {v[i]:+.3g} {'m/s' if arm.prismatic[i] else 'rad/s'}"
+            for i in moving
+        ]
+        found.append(SelfMotion(v, listed(parts)))
+    return tuple(found)
 
 
 def _notes(arm: Arm, q: Array, r: int, ratio: float, rtol: float) -> Iterator[str]:

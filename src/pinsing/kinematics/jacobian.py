@@ -192,21 +192,6 @@ def picked(task: Task, J: Array, R: Array | None) -> Array:
     return np.where(np.array(task.at_tip)[:, None], turned[..., rows, :], J[..., rows, :])
 
 
-def turned_slopes(arm: Arm, J: Array, H: Array, Q: Array) -> Array:
-    """Return derivatives (N, m, n, n) of task rows, from J (N, 6, n) and H (N, 6, n, n)."""
-    # With dR/dq_j = [w_j] R the rows R^T v_i change by R^T (dv_i/dq_j - w_j x v_i).
-    task = arm.task
-    rows = list(task.rows)
-    if not task.at_tip:
-        return np.asarray(H[..., rows, :, :])
-    back = np.swapaxes(tip_rotations(arm, Q), -1, -2)
-    w = J[..., 3:, :]
-    parts = (H[..., k : k + 3, :, :] - each_cross(w, J[..., k : k + 3, :]) for k in (0, 3))
-    both = [np.einsum("...ab,...bij->...aij", back, carried) for carried in parts]
-    turned = np.concatenate(both, axis=-3)[..., rows, :, :]
-    return np.where(np.array(task.at_tip)[:, None, None], turned, H[..., rows, :, :])
-
-
 def turn_left(task: Task, R: Array, goal: Array) -> Array:
     """Return rotation vectors (N, 3), base axes, from tips R (N, 3, 3) to a task's ``goal``."""
     # Where the turn about an axis of the tip is free: the shortest that brings this axis there.
@@ -913,8 +898,17 @@ def own_jacobians_and_derivatives(arm: Arm, Q: ArrayLike) -> tuple[Array, Array]
         matrix = arm.coupling.matrix
         J = J @ matrix
         H = np.einsum("...rij,ia,jb->...rab", H, matrix, matrix)
-    H = turned_slopes(arm, J, H, Q) * scale.rows[:, None, None]
-    return scale.apply(arm, J, Q), H * scale.columns[:, None] * scale.columns
+    rows, at_tip = list(arm.task.rows), arm.task.at_tip
+    slopes = H[:, rows]
+    if at_tip:
+        # With dR/dq_j = [w_j] R the rows R^T v_i change by R^T (dv_i/dq_j - w_j x v_i).
+        back = np.swapaxes(tip_rotations(arm, Q), 1, 2)
+        parts = (H[:, k : k + 3] - each_cross(J[:, 3:], J[:, k : k + 3]) for k in (0, 3))
+        both = [np.einsum("...ab,...bij->...aij", back, carried) for carried in parts]
+        turned = np.concatenate(both, axis=1)[:, rows]
+        slopes = np.where(np.array(at_tip)[:, None, None], turned, slopes)
+    slopes = slopes * scale.rows[:, None, None]
+    return scale.apply(arm, J, Q), slopes * scale.columns[:, None] * scale.columns
 
 
 @kept

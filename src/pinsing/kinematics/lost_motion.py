@@ -336,14 +336,6 @@ def position_reason(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: s
     return words
 
 
-def orientation_reason(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str = "") -> str:
-    """Say why joints turn the tip about fewer directions than their number would allow."""
-    turning = tuple(i for i in ids if not axes.prismatic[i])
-    if axes.parallel(turning, tol):
-        return f"axes {numbers(turning)} are {nearly}parallel"
-    return f"axes {numbers(turning)} are {nearly}parallel to one plane"
-
-
 ALIGNED = math.radians(0.1)
 """Radians; a direction this close to an axis of the tool or the base goes by that axis."""
 
@@ -584,10 +576,6 @@ class ColumnRanks:
         sigma = singular_values(self.generic[:, :, list(ids)])
         return int((sigma > SINGULAR_RTOL * sigma.max()).sum(axis=-1).max())
 
-    def deficient(self, ids: Sequence[int]) -> bool:
-        """Return True if the columns ``ids`` have a smaller rank here than in general."""
-        return self.rank(ids) < self.generic_rank(ids)
-
     def causes(self) -> list[tuple[int, ...]]:
         """Sets that force the loss, one for each rank lost."""
         found: list[tuple[int, ...]] = []
@@ -607,7 +595,8 @@ class ColumnRanks:
         union: list[int] = []
         for part in self._by_size(ids, 1):
             wider = sorted({*union, *part})
-            if self.nullity(wider) > self.nullity(union) and self.deficient(part):
+            larger = self.nullity(wider) > self.nullity(union)
+            if larger and self.rank(part) < self.generic_rank(part):
                 found.append(part)
                 union = wider
             if self.nullity(union) > self.spare:
@@ -790,7 +779,9 @@ class _Reasons:
         if self.task == "position":
             return position_reason(self.axes, ids, self.tol, self.nearly)
         if self.task == "orientation":
-            return orientation_reason(self.axes, ids, self.tol, self.nearly)
+            turning = tuple(i for i in ids if not self.axes.prismatic[i])
+            plane = "" if self.axes.parallel(turning, self.tol) else " to one plane"
+            return f"axes {numbers(turning)} are {self.nearly}parallel{plane}"
         if self.task == "pose" or self._as_twists(ids):
             return pose_reason(self.axes, ids, self.centres, self.tol, self.nearly)
         task = self.arm.task
