@@ -822,14 +822,12 @@ class SliceSearch:
         if not self._enough():
             return False
         count = self.slices.count([s for p in self._turns for s in self.kept[p]], self.components)
-        # Times that all slices are gone through, each time over another field or with other values:
-        # up to the second number while one of the components was met on none.
+        # One of the components may be met on none: then it ends after more times.
         return count.met == count.known or sum(self._turns.values()) >= 7
 
     def _enough(self) -> bool:
         """Return True if slices were gone through as often as must be, over as many fields."""
-        # Times that all slices are gone through, each time over another field or with other values:
-        # up to the second number while one of the components was met on none.
+        # Times that all slices are gone through, each over another field or with other values.
         return sum(self._turns.values()) >= 5 and len(+self._turns) >= NEEDED + len(self._open)
 
     def _follow(self, off: SlicePoints | RandomSingular, most: int | None = None) -> bool:
