@@ -320,7 +320,7 @@ def near_minors(s: ComponentSearch) -> bool:
     try:
         s.chain = LongChain(s.geometry, s.task, s.rank, s.ring, s.maker, time)
     except BudgetExceeded as reason:
-        s.gaps.append(str(reason))
+        s.gaps.append(f"short minors did not end: {reason}")
         return True
     s.components = merged(s.components, s.chain.components, s.ring)
     s.gaps += gaps(s.chain.open_ends, s.arm.n)

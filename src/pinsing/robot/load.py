@@ -134,7 +134,7 @@ def load(
     base_joint, base_frame = 0, "universe"
     if base is not None:
         base_joint, base_frame = int(model.frames[frame_index(model, base)].parentJoint), base
-    tip, last, why = _choose_tip(whole, tip, joints, (base_frame, base_joint))
+    tip, last, why = _choose_tip(whole, tip, joints, (base_frame, base_joint), str(parsed_task))
     notes += why
     way = way_between(model, base_joint, last)
     notes += way.told(model)
@@ -162,7 +162,7 @@ def _loops_left_out(whole: Given) -> list[str]:
 
 
 def _choose_tip(
-    whole: Given, tip: str | None, joints: Sequence[str] | None, base: tuple[str, int]
+    whole: Given, tip: str | None, joints: Sequence[str] | None, base: tuple[str, int], task: str
 ) -> tuple[str, int, list[str]]:
     """Name of the tip frame, index of the joint that carries it, and notes."""
     model = whole.model
@@ -197,7 +197,7 @@ def _choose_tip(
             f"{whole.label}: no joint lies beyond the base; take one nearer the root{other}",
             tips=tuple(c.tip for c in every if base_joint not in c.path),
         )
-    candidate, notes = choose_chain(found, whole.label, model, whole.leaders)
+    candidate, notes = choose_chain(found, whole.label, model, whole.leaders, task)
     return candidate.tip, candidate.path[-1], notes
 
 

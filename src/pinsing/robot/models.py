@@ -157,7 +157,7 @@ def _best_frame(model: pin.Model, joint: int, frames: list[pin.Frame]) -> str:
 
 
 def choose_chain(
-    found: Sequence[Subchain], label: str, model: pin.Model, mimics: Collection[str] = ()
+    found: Sequence[Subchain], label: str, model: pin.Model, mimics: Collection[str], task: str
 ) -> tuple[Subchain, list[str]]:
     """Return the only arm among candidates, and notes; ChainError with commands if not one."""
     ChainError.refuse_if(
@@ -182,9 +182,11 @@ def choose_chain(
         notes.append(f"locked beyond the tip: {_first(chosen.passed_over, 4)}")
     same_link = [f.name for f in tip_frames(model, chosen.path[-1]) if f.name != chosen.tip]
     if same_link:
+        same = f"does not affect {task} singularities"
+        effect = same if task in ("pose", "orientation") else f"matters for the task {task}"
         notes.append(
             f"tip {chosen.tip} (on the same link: {', '.join(same_link[:3])}"
-            f"{', ...' * (len(same_link) > 3)}): the choice does not affect pose singularities"
+            f"{', ...' * (len(same_link) > 3)}): the choice {effect}"
         )
     return chosen, notes
 
