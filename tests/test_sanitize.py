@@ -16,7 +16,7 @@ def test_the_kernel_under_two_sanitizers(monkeypatch: pytest.MonkeyPatch) -> Non
     reason = importlib.import_module("fuzz.sanitize").missing()
     if reason:
         pytest.skip(reason)
-    files = ("test_batch.py", "test_batch_roots.py", "kinematics/test_refine.py")
+    files = ("batch/test_batch.py", "batch/test_batch_roots.py", "kinematics/test_refine.py")
     words = ["--", "-m", "not slow", *(f"tests/{file}" for file in files)]
     env = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")}
     done = python(SCRIPTS / "fuzz" / "sanitize.py", *words, timeout=1500, env=env)

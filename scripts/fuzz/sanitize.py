@@ -36,7 +36,7 @@ ISA = {
     "avx512": ("-mavx2", "-mfma", "-mavx512f", "-mavx512dq", "-mavx512vl", "-mavx512bw"),
 }
 TESTS = (
-    *("tests/test_batch.py", "tests/test_batch_svd.py", "tests/test_batch_roots.py"),
+    *(f"tests/batch/test_batch{name}.py" for name in ("", "_svd", "_roots")),
     *(
         "tests/kinematics/test_refine.py",
         "tests/algebra/test_zeros.py",

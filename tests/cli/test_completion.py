@@ -11,7 +11,7 @@ from click.shell_completion import BashComplete
 
 from pinsing.cli.app import command
 
-URDF = Path(__file__).parent.parent / "urdf"
+URDF = Path(__file__).parents[2] / "urdf"
 
 
 def offered(line: str) -> list[str]:

@@ -29,7 +29,7 @@ from pinsing.postures.toolpath import PathPlan, _Planner, plan_path
 
 pytestmark = needs_kernel  # without it a plan takes minutes
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 TORCH = pin.SE3(pin.utils.rotate("x", np.radians(45)), np.array([0.0, 0.05, 0.15])).homogeneous
 FLANGE = np.eye(4)
 START = np.radians([20, -80, 95, -105, -12, 20])

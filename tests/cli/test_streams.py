@@ -89,7 +89,7 @@ def test_a_stream_that_others_have_set_not_to_wait(tmp_path: Path) -> None:
 
 # Every command -------------------------------------------------------------------------
 
-URDF = Path(__file__).parent.parent / "urdf"
+URDF = Path(__file__).parents[2] / "urdf"
 SHORT = ("analyze", "planar3r", "--levels", "1", "--samples", "5")
 PRINTING = {
     "list --info": ("list", "planar3r"),
