@@ -23,7 +23,7 @@ from pinsing.errors import OptionError, PinsingError, UnknownNameError
 from pinsing.families import Branch, ClosedForm
 from pinsing.measures import Array
 from pinsing.proximity import monitor as guard_module
-from pinsing.proximity.clearance import every_name, watch
+from pinsing.proximity.clearance import watch
 from pinsing.proximity.monitor import make_guard
 from pinsing.robot.arm import Arm
 
@@ -148,7 +148,7 @@ def compare(arm: Arm, form: ClosedForm, found: CGuard, count: int) -> None:
     """A guard against pinsing: never above, and the same but for rounding."""
     Q = configurations(form, count)
     lower, number, each = found.ask(Q)
-    watched = watch(form, every_name(form))
+    watched = watch(form, real=False)
     reference = two_sided(watched.conditions, Q, each=True)
     # Several equations are combined with multiples that near a family depend on rounding.
     several = any(len(b.equations) > 1 for f in watched.families for b in f.branches)
@@ -160,7 +160,7 @@ def compare(arm: Arm, form: ClosedForm, found: CGuard, count: int) -> None:
     # Nothing is clear within an upper bound, and nothing on a family is clear at all.
     assert (each[..., 1] <= reference.each[..., 1]).all()
     some = Q[:: max(1, len(Q) // 60)]
-    true = pinsing.clearance(form, some, families=every_name(form), certify=True, gap=1e-4)
+    true = pinsing.clearance(form, some, families=[f.name for f in form.families], certify=True, gap=1e-4)
     assert (found.ask(some)[0] <= true.upper).all()
     values = found.values(Q)
     equations = [e for f in watched.families for e in f.equations]
@@ -219,7 +219,7 @@ def test_a_python_guard_says_what_pinsing_says(name: str, tmp_path: Path) -> Non
     arm, form = case(name)
     found = module(pinsing.export_guard(arm, "python", forms=form), tmp_path)
     Q = configurations(form, 20_000 if name == "ur5" else 1500)
-    watched = watch(form, every_name(form))
+    watched = watch(form, real=False)
     reference = two_sided(watched.conditions, Q, each=True)
     lower = found.clearance(Q)
     close = {"rtol": 1e-7, "atol": 1e-8 if name == "baxter" else 1e-12}

@@ -111,10 +111,9 @@ class Watched:
     @cached_property
     def used(self) -> Bool:
         """Which joints each family depends on, (families, n)."""
-        used = np.zeros((len(self.families), self.n), dtype=bool)
-        for i, family in enumerate(self.families):
-            used[i, [j for b in family.branches for j in b.involved]] = True
-        return used
+        involved = [[j for b in family.branches for j in b.involved] for family in self.families]
+        used = [np.isin(np.arange(self.n), joints) for joints in involved]
+        return np.array(used, dtype=bool).reshape(-1, self.n)
 
     def regular(self, Q: Array) -> Array:
         """No singular configuration, of a family or not, is nearer to Q (N, n) than this (N,)."""
@@ -184,10 +183,7 @@ class Watched:
 
     def length(self, Q: Array) -> Array:
         """Length of joint differences Q (..., n) in this metric."""
-        scaled = np.abs(Q * self.weight)
-        if self.norm == "max":
-            return np.asarray(scaled.max(axis=-1))
-        return np.asarray(np.linalg.norm(scaled, axis=-1))
+        return self.conditions.size(Q * self.weight)
 
 
 def watch(
@@ -195,10 +191,12 @@ def watch(
     families: Sequence[str] | None = None,
     weights: ArrayLike | None = None,
     norm: str = "euclidean",
+    real: bool = True,
 ) -> Watched:
     """Choose families of one arm's forms by name or title, by default all that have real points."""
-    # ``weights`` (n,) replace 1 for revolute joints and 1 / length scale for prismatic ones.
-    plain = isinstance(forms, ClosedForm) and families is None and weights is None
+    # ``weights`` (n,) replace 1 for revolute joints and 1 / length scale for prismatic ones. With
+    # ``real`` False those without a known real point count as well.
+    plain = isinstance(forms, ClosedForm) and families is None and weights is None and real
     if plain and norm == "euclidean" and (found := _MADE.get(forms)):  # type: ignore[arg-type]
         return found
     every = each_of(forms)
@@ -213,7 +211,7 @@ def watch(
     )
     named = _named(every)
     if families is None:
-        names = tuple(name for name, family in named.items() if family.real)
+        names = tuple(name for name, family in named.items() if family.real or not real)
     else:
         asked = [families] if isinstance(families, str) else families
         names = asked_for(named, asked)
@@ -292,14 +290,6 @@ def _named(forms: Sequence[ClosedForm]) -> dict[str, Family]:
         for form in forms
         for family in form.families
     }
-
-
-def every_name(forms: Forms) -> list[str] | None:
-    """Names of all families, those without a known real point included; None if forms are none."""
-    every = each_of(forms)
-    if not every or not all(isinstance(form, ClosedForm) for form in every):
-        return None  # `watch` says what is wrong
-    return list(_named(every))
 
 
 def require_forms_of(forms: Forms, arm: Arm) -> None:
@@ -865,8 +855,8 @@ class RoomSearch:
     """Searches a room for a point with a large clearance, and for the most there can be.
 
     ``budget`` is for boxes. Where families of ``arm`` are missing, no singular configuration is
-    chosen. ``best`` (n,) is the clearest point so far, weighted, ``lower`` and ``upper`` bound its
-    clearance, and ``most`` that of all points.
+    chosen. ``best`` (n,) is the clearest point so far, weighted, ``lower`` bounds its clearance,
+    and ``most`` that of all points.
     """
 
     def __init__(
@@ -875,8 +865,7 @@ class RoomSearch:
         self.arm, self.watched, self.room, self.rng = arm, watched, room, rng
         self.budget = budget
         self.sites = Sites(watched, rng)
-        self.best = room.center.copy()
-        self.lower, self.upper, self.most = -np.inf, np.inf, np.inf
+        self.best, self.lower, self.most = room.center, -np.inf, np.inf
         self.prove(room.center[None])
         self.climb()
         self.split()
@@ -891,12 +880,11 @@ class RoomSearch:
         found = nearest_points(w.conditions, X / w.weight, w.lower, w.upper, options)
         self.budget.spend(box * float(found.boxes.sum()))
         self.sites.add(found.q * w.weight, found.family)
-        lower = found.lower
-        if not w.complete:
-            lower = np.where(ratios(self.arm, X / w.weight) > NEAR_RTOL, lower, -np.inf)
+        regular = w.complete or ratios(self.arm, X / w.weight) > NEAR_RTOL
+        lower = np.where(regular, found.lower, -np.inf)
         k = int(np.argmax(lower))
         if lower[k] > self.lower:
-            self.best, self.lower, self.upper = X[k].copy(), float(lower[k]), float(found.upper[k])
+            self.best, self.lower = X[k].copy(), float(lower[k])
         return lower
 
     def climb(self) -> None:
@@ -906,14 +894,13 @@ class RoomSearch:
         promise = np.concatenate([self.sites.within(x) for x in np.array_split(X, 16)])
         X = X[np.argsort(-promise, kind="stable")[:_CLIMBERS]]
         for round_ in range(12):
-            if self.budget.over:
-                return
             sizes = (0.3 * 0.8**round_ * 0.85**step for step in range(_STEPS))
             promise = self._uphill(X, self.sites.within, sizes)
             order = np.argsort(-promise, kind="stable")
-            if promise[order[0]] <= self.lower + CLOSE:
+            if self.budget.over or promise[order[0]] <= self.lower + CLOSE:
                 return
-            self.prove(X[self._apart(X, order)])
+            places = np.unique(np.round(X[order], 1), axis=0, return_index=True)[1]
+            self.prove(X[order[np.sort(places)[:_TRIED]]])
 
     def _uphill(
         self, X: Array, worth: Callable[[Array], Array], sizes: Iterable[float], some: bool = False
@@ -928,49 +915,34 @@ class RoomSearch:
             X[better], value[better] = tried[better], there[better]
         return value
 
-    def _apart(self, X: Array, order: Ints) -> list[int]:
-        """The first few that are not all in one place."""
-        chosen: list[int] = []
-        for i in order:
-            if all(np.linalg.norm(X[i] - X[k]) > 0.1 for k in chosen):
-                chosen.append(int(i))
-            if len(chosen) == _TRIED:
-                break
-        return chosen
-
     def split(self) -> None:
         """Rule boxes out that promise no more than was proven; what is left bounds all."""
         room = self.room
-        centers, halves = (room.low + room.high)[None] / 2, (room.high - room.low)[None] / 2
-        bounds = self._promise(centers, halves)
+        boxes = np.stack([room.low + room.high, room.high - room.low])[:, None] / 2
+        bounds = self._promise(*boxes)
         for _ in range(40):
-            goal = max(self.lower, 0.0) + CLOSE
-            keep = bounds > goal
-            centers, halves, bounds = centers[keep], halves[keep], bounds[keep]
+            keep = bounds > max(self.lower, 0.0) + CLOSE
+            boxes, bounds = boxes[:, keep], bounds[keep]
             if not len(bounds) or self.budget.over:
                 break
             order = np.argsort(-bounds, kind="stable")
             now, later = order[:_BATCH], order[_BATCH:]
-            self.prove(room.fit(centers[now[:2]]))
-            parts, both = halved(centers[now], halves[now], halves[now].argmax(axis=1))
-            fresh = np.minimum(self._promise(parts, both), np.tile(bounds[now], 2))
-            centers = np.concatenate([centers[later], parts])
-            halves = np.concatenate([halves[later], both])
+            self.prove(room.fit(boxes[0, now[:2]]))
+            parts = np.stack(halved(*boxes[:, now], boxes[1, now].argmax(axis=1)))
+            fresh = np.minimum(self._promise(*parts), np.tile(bounds[now], 2))
+            boxes = np.concatenate([boxes[:, later], parts], axis=1)
             bounds = np.concatenate([bounds[later], fresh])
         goal = max(self.lower, 0.0) + CLOSE
         self.most = max(goal, float(bounds.max(initial=0.0))) + ALIKE
 
     def _promise(self, centers: Array, halves: Array) -> Array:
         out = self.sites.within(centers, halves * (1 + 1e-12))
-        if np.isfinite(self.room.reach):
-            gap = np.maximum(np.abs(centers - self.room.around) - halves, 0.0)
-            out = np.where(np.linalg.norm(gap, axis=1) > self.room.reach + ALIKE, -np.inf, out)
-        return out
+        gap = np.maximum(np.abs(centers - self.room.around) - halves, 0.0)
+        beyond = np.linalg.norm(gap, axis=1) > self.room.reach + ALIKE
+        return np.where(beyond, -np.inf, out)
 
     def settle(self) -> None:
         """Farther from the other families too, and to where joints are preferred, at no cost."""
-        if not np.isfinite(self.lower) or self.budget.over:
-            return
         enough = self.lower - CLOSE
 
         def worth(X: Array) -> Array:
@@ -979,15 +951,13 @@ class RoomSearch:
             # Of clearance that is given for being nearer to where joints are preferred.
             return np.where(each.min(axis=1) >= enough, each.sum(axis=1) - 0.05 * off, -np.inf)
 
-        X = np.repeat(self.best[None], _CLIMBERS, axis=0)
-        sizes = (0.5 * 0.93**step for step in range(3 * _STEPS))
-        value = self._uphill(X, worth, sizes, some=True)
-        for i in np.argsort(-value, kind="stable")[:_TRIED]:
-            kept = self.best, self.lower, self.upper
-            self.lower = -np.inf
-            if self.prove(X[i][None])[0] >= enough:
-                return
-            self.best, self.lower, self.upper = kept
+        if np.isfinite(enough) and not self.budget.over:
+            X = np.repeat(self.best[None], _CLIMBERS, axis=0)
+            sizes = (0.5 * 0.93**step for step in range(3 * _STEPS))
+            value = self._uphill(X, worth, sizes, some=True)
+            tried = X[np.argsort(-value, kind="stable")[:_TRIED]]
+            good = self.prove(tried) >= enough
+            self.best = tried[good.argmax()] if good.any() else self.best
 
 
 REACH = 0.5

@@ -40,7 +40,6 @@ from pinsing.proximity.clearance import (
     Watched,
     certified,
     each_of,
-    every_name,
     nearest_family,
     quick,
     require_forms_of,
@@ -214,7 +213,7 @@ class Monitor:
             not 0 <= hysteresis < math.inf, f"hysteresis must not be negative, got {hysteresis!r}"
         )
         OptionError.refuse_if(not horizon > 0, f"horizon must be positive, got {horizon!r}")
-        watched = watch(forms, every_name(forms) if families is None else families, weights)
+        watched = watch(forms, families, weights, real=False)
         if weights is None:
             watched.require_angle(warn, "warn")
         self._watched = watched
@@ -406,7 +405,7 @@ class Monitor:
         if velocity.size:
             self._out[2:] = contact_along(conditions, family, self._x, velocity, self.horizon)
             if conditions.margin is not None:  # no singular configuration is nearer than this
-                soonest = found.lower[0] / max(self._watched.length(velocity), 1e-300)
+                soonest = found.lower[0] / max(float(conditions.size(velocity)), 1e-300)
                 self._out[2] = soonest if soonest < self.horizon else math.inf
         return family
 
@@ -1120,14 +1119,14 @@ def make_guard(
     if forms is not None:
         require_forms_of(forms, arm)
     forms = closed_form(arm) if forms is None else forms
-    all_of_them = every_name(forms)
-    watched = watch(forms, all_of_them if families is None else families)
+    all_of_them = watch(forms, real=False)
+    watched = all_of_them if families is None else watch(forms, families)
     every = each_of(forms)
     notes: list[str] = []
     if not watched.complete:
         gaps = "; ".join(dict.fromkeys(gap for form in every for gap in form.gaps))
         notes.append(f"the closed form is not complete: {gaps or 'see pinsing families'}")
-    left = [name for name in all_of_them or () if name not in watched.names]
+    left = [name for name in all_of_them.names if name not in watched.names]
     if left:
         notes.append(f"not asked for: {', '.join(left)}")
     kept, room = [], MOST_TERMS
