@@ -7,6 +7,7 @@ families as one file without dependencies, in C or in Python, for control loops.
 from __future__ import annotations
 
 import io
+import itertools
 import json
 import math
 import re
@@ -56,7 +57,7 @@ from pinsing.proximity.trajectory_file import (
     stated_unit,
 )
 from pinsing.proximity.zones import Zones, zone_distances
-from pinsing.robot.arm import Arm, chain_speeds, summarize
+from pinsing.robot.arm import Arm, chain_speeds, require_values, summarize
 from pinsing.robot.nominal import nominal
 
 CLEAR, WARN, STOP = LEVELS = ("clear", "warn", "stop")
@@ -314,8 +315,9 @@ class Monitor:
             family = handle.watch(self._x, velocity, *work, self._out, engine.isa_names()[-1])
         else:
             family = self._watch(velocity)
-        if family == -2:
-            raise self._not_finite(velocity)
+        if family == -2:  # a value is not finite
+            require_values(self._x, self.joints, "q")
+            require_values(velocity, self.joints, "dq")
         lower, upper, time, rate = self._out.tolist()
         hold = 1.0 + self.hysteresis
         if self._watched.elsewhere and family < 0:
@@ -365,34 +367,27 @@ class Monitor:
         return tuple(np.array(self.names)[(low <= self._zones) & (self._zones > 0)].tolist())
 
     def _take(self, values: ArrayLike, name: str, into: Array) -> None:
-        if type(values) is np.ndarray and values.dtype == _FLOAT and values.shape == self._shape:
-            into[:] = values
-        elif not self._plain(values, into):
-            array = real_numbers(columns_of(values, self.joints, name), name)
+        if type(values) is np.ndarray:
+            plain = values.dtype == _FLOAT and values.shape == self._shape
+        else:
+            plain = isinstance(values, list | tuple) and (len(values),) == self._shape
+            plain = plain and all(type(value) is float for value in values)
+        if not plain:
+            values = real_numbers(columns_of(values, self.joints, name), name)
             n = len(self.joints)
-            if name == "q" and array.ndim == 1:
-                array = self._watched.check(array, name)
+            if name == "q" and values.ndim == 1:
+                values = self._watched.check(values, name)
                 self._shape = (n,)
             elif name == "dq" and (arm := self._watched.arm) is not None:
-                array = chain_speeds(arm, array, name)
-            if array.shape != (n,):
-                raise ConfigurationError(
-                    f"{name} needs {n} values for {', '.join(self.joints)}; got "
-                    f"shape {array.shape}",
-                    lengths=(n,),
-                )
-            into[:] = array
+                values = chain_speeds(arm, values, name)
+            ConfigurationError.refuse_if(
+                values.shape != (n,),
+                f"{name} needs {n} values for {', '.join(self.joints)}; got shape {values.shape}",
+                lengths=(n,),
+            )
+        into[:] = values
         if self._weight is not None:
             into *= self._weight
-
-    def _plain(self, values: ArrayLike, into: Array) -> bool:
-        """Take a list or tuple of floats without further ado."""
-        if not isinstance(values, list | tuple) or (len(values),) != self._shape:
-            return False
-        if not all(type(value) is float for value in values):
-            return False
-        into[:] = values
-        return True
 
     def _watch(self, velocity: Array) -> int:
         """As the compiled engine does it."""
@@ -422,15 +417,6 @@ class Monitor:
                 joint=arm.joints[j],
                 value=float(speeds[j]),
             )
-
-    def _not_finite(self, velocity: Array) -> ConfigurationError:
-        name, array = ("q", self._x) if not np.isfinite(self._x).all() else ("dq", velocity)
-        j = int(np.flatnonzero(~np.isfinite(array))[0])
-        return ConfigurationError(
-            f"{name} of joint {self.joints[j]!r} is {array[j]}; every value must be finite",
-            joint=self.joints[j],
-            value=float(array[j]),
-        )
 
 
 BACKLOG = 100
@@ -890,30 +876,30 @@ _WIDTH = 96
 def _c_text(f: Mapping[str, Any], c: Conditions, zones: Mapping[str, Any], p: str) -> str:
     """The header in C99 of facts, their conditions and zones (see `_python_text`)."""
     made = [
-        f"Guard of {f['ROBOT']}; task {f['TASK']}.",
+        f"Guard of {f['robot']}; task {f['task']}.",
         f"Made by pinsing {__version__}; do not edit, export it again.",
-        f"Robot hash {f['ROBOT_HASH']}, length scale {f['LENGTH_SCALE']:g} m.",
+        f"Robot hash {f['robot_hash']}, length scale {f['length_scale']:g} m.",
     ]
     notes = [
-        *(f"Note: {note}" for note in f["NOTES"]),
-        "Families:" if f["FAMILIES"] else "Families: none.",
-        *(f"  {pair[0]}: {pair[1]}" for pair in zip(f["FAMILIES"], f["TEXTS"], strict=True)),
+        *(f"Note: {note}" for note in f["notes"]),
+        "Families:" if f["families"] else "Families: none.",
+        *(f"  {pair[0]}: {pair[1]}" for pair in zip(f["families"], f["texts"], strict=True)),
     ]
-    tables = {"lower_limit": f["LOWER"], "upper_limit": f["UPPER"], **c.flat, "margin": f["MARGIN"]}
+    tables = {"lower_limit": f["lower"], "upper_limit": f["upper"], **c.flat, "margin": f["margin"]}
     tables["branch_family"] = tables.pop("family")
-    names = {"joint_name": "JOINTS", "family_name": "FAMILIES", "family_text": "TEXTS"}
+    names = {"joint_name": "joints", "family_name": "families", "family_text": "texts"}
     parts = {
         "head": _comment(made),
         "notes": " *\n" + _comment(notes),
-        "joints": str(len(f["JOINTS"])),
-        "families": str(len(f["FAMILIES"])),
+        "joints": str(len(f["joints"])),
+        "families": str(len(f["families"])),
         "equations": str(len(c.sums)),
-        "complete": str(int(f["COMPLETE"])),
-        "word": _string(f["WORD"]),
+        "complete": str(int(f["complete"])),
+        "word": _string(f["word"]),
         "version": _string(__version__),
-        "hash": _string(f["ROBOT_HASH"]),
-        "tolerance": repr(f["TOLERANCE"]),
-        "change": repr(f["JACOBIAN_CHANGE"]),
+        "hash": _string(f["robot_hash"]),
+        "tolerance": repr(f["tolerance"]),
+        "change": repr(f["jacobian_change"]),
         "combined": str(COMBINED),
         "branches": str(len(c.branches)),
         "name_tables": "\n".join(_strings(f"{p}_{name}", f[key]) for name, key in names.items()),
@@ -974,37 +960,21 @@ def _table(name: str, values: ArrayLike) -> str:
 
 def _python_text(f: Mapping[str, Any], c: Conditions, zones: Mapping[str, Any], p: str) -> str:
     """The module for NumPy: facts as constants, and zones, empty or with ``title``, ``tables``."""
-    said = {
-        "COMPLETE": "False: distances are not known of the robot, so that clearance is always 0",
-        "WORD": "that FAMILIES are all is proven, probable (of the design), or not complete; NOTES",
-        "TOLERANCE": "radians: angles of the description were moved by at most this",
-        "JACOBIAN_CHANGE": "which changes no column of the Jacobian by more than this",
-        "WEIGHT": "what joint differences are multiplied by",
-        "TURN": "a whole turn, weighted; 0 for joints that slide",
-        "RADIANS": "True: values that make sense in degrees only are not refused",
-        "LOWER": "radians and metres; infinite where there is no limit",
-        "MARGIN": "taken off distances: alone, where families meet, near is, 1: within limits",
-    }
-    lines = []
-    for key, value in f.items():
-        if key in said:
-            lines.append(f"# {said[key]}")
-        lines.append(f"{key} = {_literal(value)}")
-    count, branches = 0, []
-    for b in c.branches:
-        numbers = tuple(range(count, count + len(b.sums)))
-        branches.append((b.family, tuple(b.joints.tolist()), tuple(b.values.tolist()), numbers))
-        count += len(b.sums)
-    sums = [(s.amplitude, s.phase, s.rate, s.power) for s in c.sums]
-    parameters = [
-        (*(a.tolist() for a in arrays), s.noise) for arrays, s in zip(sums, c.sums, strict=True)
+    numbers = itertools.pairwise(c.flat["equation_start"].tolist())
+    branches = [
+        (b.family, b.joints.tolist(), b.values.tolist(), [*range(first, end)])
+        for b, (first, end) in zip(c.branches, numbers, strict=True)
+    ]
+    sums = [
+        (s.amplitude.tolist(), s.phase.tolist(), s.rate.tolist(), s.power.tolist(), s.noise)
+        for s in c.sums
     ]
     code = Path(trig_sum.__file__).read_text(encoding="ascii")
     parts = {
-        "constants": "\n".join(lines),
+        **{name: _literal(value) for name, value in f.items()},
         "code": code.partition("import Array, ArrayLike\n")[2].strip(),
         "branches": _rows(branches),
-        "sums": _rows(parameters),
+        "sums": _rows(sums),
         "zones": "",
     }
     if zones:
@@ -1108,41 +1078,39 @@ def make_guard(
 ) -> Guard:
     """As `export_guard`, with what one should know of the file."""
     if prefix is None:
-        plain = re.sub(r"[^A-Za-z0-9]+", "_", arm.name).strip("_").lower()[:_LONGEST].strip("_")
-        named = re.match(r"[a-z]", plain) is not None
-        prefix = plain if named else f"robot_{plain}".strip("_")[:_LONGEST]
-    elif not _IDENTIFIER.fullmatch(prefix) or len(prefix) > _LONGEST or prefix.endswith("_"):
-        raise OptionError(
-            f"prefix must be a name of at most {_LONGEST} letters, digits and underscores that "
-            f"begins with a letter and does not end with an underscore, got {prefix!r:.60}"
-        )
+        prefix = re.sub(r"[^A-Za-z0-9]+", "_", arm.name).strip("_").lower()
+        prefix = prefix if re.match(r"[a-z]", prefix) else f"robot_{prefix}"
+        prefix = prefix[:_LONGEST].strip("_")
+    OptionError.refuse_if(
+        not _IDENTIFIER.fullmatch(prefix) or len(prefix) > _LONGEST or prefix.endswith("_"),
+        f"prefix must be a name of at most {_LONGEST} letters, digits and underscores that "
+        f"begins with a letter and does not end with an underscore, got {prefix!r:.60}",
+    )
     if forms is not None:
         require_forms_of(forms, arm)
     forms = closed_form(arm) if forms is None else forms
     all_of_them = watch(forms, real=False)
     watched = all_of_them if families is None else watch(forms, families)
-    every = each_of(forms)
+    every, taken = each_of(forms), watched.margin
     notes: list[str] = []
     if not watched.complete:
         gaps = "; ".join(dict.fromkeys(gap for form in every for gap in form.gaps))
         notes.append(f"the closed form is not complete: {gaps or 'see pinsing families'}")
-    left = [name for name in all_of_them.names if name not in watched.names]
-    if left:
+    if left := [name for name in all_of_them.names if name not in watched.names]:
         notes.append(f"not asked for: {', '.join(left)}")
     kept, room = [], MOST_TERMS
     for name, family in zip(watched.names, watched.families, strict=True):
         size = sum(len(e.cos) for e in family.equations)
-        room -= size
-        if room < 0:
+        if size > room:
             notes.append(
                 f"{name} is left out: its equations have {size} terms, too many for a file"
             )
-            room += size
         else:
             kept.append((name, family))
-    taken = watched.margin
-    if taken is not None and math.isinf(taken.meeting):
-        notes.append(watched.tube)
+            room -= size
+    tubes = [watched.tube] * (taken is not None)
+    unbounded = taken is not None and math.isinf(taken.meeting)
+    notes += tubes * unbounded
     complete = not notes
     unproven = [form.proof for form in every if form.word != "proven"]
     word = "not complete"
@@ -1161,9 +1129,9 @@ def make_guard(
             f"the description is rounded; made exact this changes no column of the Jacobian by "
             f"more than {change:.1e}"
         )
+    notes += tubes * (not unbounded)
     margin = (0.0, 0.0, 0.0, 0.0)
     if taken is not None:
-        notes += [watched.tube] * math.isfinite(taken.meeting)
         whole = len(kept) == len(watched.names)
         alone = float(taken.alone.max()) if whole else taken.meeting
         margin = (alone, taken.meeting, taken.near, float(taken.limits is not None))
@@ -1181,25 +1149,25 @@ def make_guard(
     conditions = Conditions.of([f.branches for _, f in kept], watched.prismatic, watched.weight)
     snaps = [s.size for g in geometries for s in g.snaps if s.what != "length"]
     facts: dict[str, Any] = {
-        "ROBOT": f"{arm.name} ({summarize(arm).described}), {arm.base} to {arm.tip}",
-        "TASK": ", ".join(dict.fromkeys(form.arm.task for form in every)),
-        "LENGTH_SCALE": arm.length_scale,
-        "VERSION": __version__,
-        "ROBOT_HASH": f"sha256:{fingerprint(arm)}",
-        "RADIANS": arm.units is not None,
-        "JOINTS": arm.joints,
-        "LOWER": arm.lower.tolist(),
-        "UPPER": arm.upper.tolist(),
-        "FAMILIES": [name for name, _ in kept],
-        "TEXTS": [f"{f.title}: {f.text}" if f.title else f.text for _, f in kept],
-        "COMPLETE": complete,
-        "WORD": word,
-        "NOTES": tuple(notes),
-        "TOLERANCE": max(snaps, default=0.0),
-        "JACOBIAN_CHANGE": change,
-        "WEIGHT": conditions.weight.tolist(),
-        "TURN": conditions.turn.tolist(),
-        "MARGIN": margin,
+        "robot": f"{arm.name} ({summarize(arm).described}), {arm.base} to {arm.tip}",
+        "task": ", ".join(dict.fromkeys(form.arm.task for form in every)),
+        "length_scale": arm.length_scale,
+        "version": __version__,
+        "robot_hash": f"sha256:{fingerprint(arm)}",
+        "radians": arm.units is not None,
+        "joints": arm.joints,
+        "lower": arm.lower.tolist(),
+        "upper": arm.upper.tolist(),
+        "families": [name for name, _ in kept],
+        "texts": [f"{f.title}: {f.text}" if f.title else f.text for _, f in kept],
+        "complete": complete,
+        "word": word,
+        "notes": tuple(notes),
+        "tolerance": max(snaps, default=0.0),
+        "jacobian_change": change,
+        "weight": conditions.weight.tolist(),
+        "turn": conditions.turn.tolist(),
+        "margin": margin,
     }
     write = _c_text if language == "c" else _python_text
     return Guard(write(facts, conditions, zoned, prefix), complete, word, tuple(notes))
