@@ -928,7 +928,7 @@ class RoomSearch:
             order = np.argsort(-bounds, kind="stable")
             now, later = order[:_BATCH], order[_BATCH:]
             self.prove(room.fit(boxes[0, now[:2]]))
-            parts = np.stack(halved(*boxes[:, now], boxes[1, now].argmax(axis=1)))
+            parts = np.stack(halved(boxes[0, now], boxes[1, now], boxes[1, now].argmax(axis=1)))
             fresh = np.minimum(self._promise(*parts), np.tile(bounds[now], 2))
             boxes = np.concatenate([boxes[:, later], parts], axis=1)
             bounds = np.concatenate([bounds[later], fresh])

@@ -366,7 +366,7 @@ class Monitor:
         low = two_sided(self._watched.conditions.plain, Q, each=True).each[0, :, 0]
         return tuple(np.array(self.names)[(low <= self._zones) & (self._zones > 0)].tolist())
 
-    def _take(self, values: ArrayLike, name: str, into: Array) -> None:
+    def _take(self, values: Any, name: str, into: Array) -> None:
         if type(values) is np.ndarray:
             plain = values.dtype == _FLOAT and values.shape == self._shape
         else:

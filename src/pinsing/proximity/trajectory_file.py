@@ -10,7 +10,7 @@ import math
 import os
 import re
 import tokenize
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -73,7 +73,6 @@ _PROGRAM = re.compile(r"(?i)(%%%|module\s|&[a-z]+\s|(global\s+)?def(fct|dat)?\s|
 _HANDED = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")  # pipes that the shell has set up
 _LARGEST = 4096 * MEBIBYTE  # bytes
 NO_TIMES = "no column of times"
-_ROWS = 100_000  # at a time
 _EPOCH = 1e8  # seconds: later times are dates, of which three years are left out
 _SPOKEN = re.compile(r"(?i)(?:((?:\b|_)(?:deg(?:rees?)?|grad)\b|°)|(?:\b|_)rad(?:ians?)?\b)(?!/)")
 """A unit of angles in a comment, degrees as its first group."""
@@ -439,17 +438,17 @@ def _yaml(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
     from pinsing.description.yaml_tree import QuickLoader, yaml_problem
 
     raw = read_bounded(path, LARGEST_TEXT, follow=True)
+    text = raw.decode("utf-8", "replace")
     try:
         is_json = path.suffix.lower() == ".json"  # YAML takes 1e-05 for text
         every = [json.loads(raw)] if is_json else yaml.load_all(raw, Loader=QuickLoader)
         documents = [d for d in every if d is not None]
     except yaml.YAMLError as error:
-        reason, _, line = yaml_problem(error, raw.decode("utf-8", "replace"), path)
+        reason, _, line = yaml_problem(error, text, path)
         where = path if line is None else f"{path}:{line}"
         raise ConfigurationError(f"cannot read {where}: {reason:.200}") from None
     rows: list[tuple[Any, Any, Any]] = []
-    for found in documents:
-        data = found
+    for data in documents:
         while isinstance(data, Mapping) and "points" not in data and "position" not in data:
             keys = [k for k in ("joint_trajectory", "trajectory", "goal") if k in data]
             data = data[keys[0]] if keys else None
@@ -469,10 +468,10 @@ def _yaml(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
             header = data.get("header")
             stamp = header.get("stamp") if isinstance(header, Mapping) else None
             rows.append((data.get("name"), data["position"], stamp))
-    samples, times = [], []
-    heads: ColumnHeads | None = None
-    names: Any = None
-    for number, (joints, positions, time) in enumerate(rows, 1):
+    ConfigurationError.refuse_if(not rows, f"{path}: no sample in it")
+    samples, names = [], None
+    heads: list[ColumnHeads] = []
+    for number, (joints, positions, _) in enumerate(rows, 1):
         ConfigurationError.refuse_if(
             not (isinstance(joints, list) and isinstance(positions, list)),
             f"{path}: sample {number} lacks names or positions of joints",
@@ -481,24 +480,22 @@ def _yaml(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
             len(joints) != len(positions) or any(type(x) not in (int, float) for x in positions),
             f"{path}: sample {number} needs a number for each of its {len(joints)} joints",
         )
-        if heads is None or joints != names:
-            before, names = heads, joints
-            heads = ColumnHeads(path, arm, [str(j) for j in joints], ())
+        if joints != names:
+            names = joints
+            heads.append(ColumnHeads(path, arm, [str(j) for j in joints]))
             ConfigurationError.refuse_if(
-                before is not None and before.scales != heads.scales,
+                heads[-1].scales != heads[0].scales,
                 f"{path}: sample {number} names other units of joints than the one before",
             )
-        samples.append([float(positions[i]) for i in heads.order])
-        times.append(_seconds(time))
-    notes, scales = (heads.notes, heads.scales) if heads else ((), ())
-    known = [t for t in times if t is not None]
-    timed = len(known) == len(times) > 0
-    notes = (*(n for n in notes if n != NO_TIMES), *[NO_TIMES] * (not timed))
-    Q = np.array(samples).reshape(-1, arm.n)
-    t, degrees = np.array(known) if timed else None, None
-    for number, text in enumerate(raw.decode("utf-8", "replace").splitlines(), 1):
-        degrees = stated_unit(f"{path}:{number}", text, degrees)
-    return TrajectoryFile(Q, t, notes, scales=scales, degrees=degrees, seconds=True)
+        samples.append([float(positions[i]) for i in heads[-1].order])
+    times = [_seconds(time) for _, _, time in rows]
+    t = None if None in times else np.array(times, dtype=float)
+    notes = (*(n for n in heads[-1].notes if n != NO_TIMES), *[NO_TIMES] * (t is None))
+    degrees = None
+    for number, words in enumerate(text.splitlines(), 1):
+        degrees = stated_unit(f"{path}:{number}", words, degrees)
+    Q = np.array(samples)
+    return TrajectoryFile(Q, t, notes, scales=heads[-1].scales, degrees=degrees, seconds=True)
 
 
 _READERS: Mapping[str, Callable[[Path, Arm, Sequence[str], bool], TrajectoryFile]] = {
@@ -540,27 +537,28 @@ def _seconds(time: Any) -> float | None:
 
 def _text(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> TrajectoryFile:
     with _opened(path) as file:
-        number, line, degrees, comments = 1, "", None, ""
-        for number, words_of_it in enumerate(file, 1):
-            line = words_of_it.strip()
+        number, line, degrees, comments = 0, "", None, ""
+        for number, line in enumerate(map(str.strip, file), 1):
             if line and not line.startswith(("#", "% ", "sep=")):  # MATLAB, spreadsheets
                 break
             degrees = stated_unit(f"{path}:{number}", line, degrees)
-            line, comments = "", f"{comments} {line}"
-        ConfigurationError.refuse_if(not line, f"{path}: no sample in it")
-        ConfigurationError.refuse_if(
-            _PROGRAM.match(line),
-            f"{path}:{number}: is a robot program, of which only .ls of FANUC and .script of "
-            "UR are read: give a table of the joints' positions",
-        )
-        ConfigurationError.refuse_if(
-            line.startswith(("{", "[")),
-            f"{path}:{number}: is no table: if it is JSON, name it .json",
-        )
-        ConfigurationError.refuse_if(
-            line == "---" or re.fullmatch(r"(header|joint_names|joint_trajectory|points):.*", line),
-            f"{path}:{number}: is no table: if it is YAML, name it .yaml",
-        )
+            comments = f"{comments} {line}"
+        else:
+            raise ConfigurationError(f"{path}: no sample in it")
+        yaml = r"(header|joint_names|joint_trajectory|points):.*"
+        for wrong, said in (
+            (
+                _PROGRAM.match(line),
+                "is a robot program, of which only .ls of FANUC and .script of UR are read: give "
+                "a table of the joints' positions",
+            ),
+            (line.startswith(("{", "[")), "is no table: if it is JSON, name it .json"),
+            (
+                line == "---" or re.fullmatch(yaml, line),
+                "is no table: if it is YAML, name it .yaml",
+            ),
+        ):
+            ConfigurationError.refuse_if(wrong, f"{path}:{number}: {said}")
         separator = next((s for s in (";", "\t", ",") if s in line), None)
         words = [w.strip().strip("\"'") for w in line.split(separator)]
         numbers = [w for w in words if is_number(w.replace(",", ".")) or _CLOCK.fullmatch(w)]
@@ -570,7 +568,6 @@ def _text(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
             f"{path}:{number}: there is no line of names before the first sample: add one, or "
             "say with --columns the numbers of the joints' columns",
         )
-        heads = words if named else [str(k + 1) for k in range(len(words))]
         lines = [] if named else [line]
         cells: Sequence[str] = ()
         units: Sequence[str] = ()
@@ -591,6 +588,7 @@ def _text(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
         )
         read = None
         if named or columns:
+            heads = words if named else [str(k + 1) for k in range(len(words))]
             read = ColumnHeads(path, arm, heads, columns, units, cells, united)
         if degrees is None and not united:
             angles = itertools.compress(read.scales, ~arm.prismatic) if read else [None]
@@ -603,26 +601,22 @@ def _text(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
         used = sorted(read.used) if read and len(read.used) < len(words) else None
         table = _NumberTable(path, separator, used, len(words), number - (not named), degrees)
         table.labels = read.labels if read else {}
-        table.time = read.time if read else 0 if _CLOCK.fullmatch(words[0]) else None
-        none = np.zeros((0, len(used or words)))
-        values = np.concatenate([none, *table.rows(itertools.chain(lines, file))])
-    said = ["decimal commas"] * table.commas
-    if table.clock:
-        said.append(f"times are counted from the first, {table.clock}")
-        if table.days:
-            said.append("times of day that start anew are of the next day")
-        ConfigurationError.refuse_if(
-            read and read.time_scale != 1,
-            f"{path}: times of day have no unit: take it from the head",
-        )
-    if read is None:
-        found = _columns(path, arm, values)
-        more = (*found.notes, *said)
-        return replace(found, notes=more, degrees=table.degrees, seconds=bool(table.clock))
-    found = read.samples(values, used)
+        time, first = read.time if read else 0, cells if named else words
+        if time is not None and ":" in "".join(first[time : time + 1]):
+            table.time = time
+        values = table.read(itertools.chain(lines, file))
+    ConfigurationError.refuse_if(
+        table.clock and read and read.time_scale != 1,
+        f"{path}: times of day have no unit: take it from the head",
+    )
+    more = [
+        *["decimal commas"] * table.commas,
+        *[f"times are counted from the first, {table.clock}"] * bool(table.clock),
+        *["times of day that start anew are of the next day"] * bool(table.days),
+    ]
+    found = read.samples(values, used) if read else _columns(path, arm, values)
     timed = found.seconds or bool(table.clock)
-    more = (*found.notes, *said)
-    return replace(found, notes=more, degrees=table.degrees, seconds=timed)
+    return replace(found, notes=(*found.notes, *more), degrees=table.degrees, seconds=timed)
 
 
 def _require_spoken(path: Path, comments: str, heads: set[float | None]) -> None:
@@ -640,20 +634,22 @@ def _require_spoken(path: Path, comments: str, heads: set[float | None]) -> None
 def _opened(path: Path) -> io.TextIOWrapper:
     """Return a text as UTF-8, or UTF-16 where its mark says so; spreadsheets write marks."""
     raw = path.open("rb")
-    if (start := raw.peek(4)[:4]) == b"PK\x03\x04":
-        raw.close()
-        raise ConfigurationError(f"{path}: is a workbook or an archive: save its table as CSV")
-    utf_16 = start[:2] in (b"\xff\xfe", b"\xfe\xff")
-    if b"\0" in start and not utf_16:
-        raw.close()
-        raise ConfigurationError(f"{path}: is no UTF-8 but UTF-16 or binary: save it as UTF-8")
-    head = raw.peek()[:MEBIBYTE].rstrip(bytes(range(128, 256)))  # a letter may be cut at its end
+    head, encoding = raw.peek()[:MEBIBYTE], "utf-8-sig"
+    utf_16 = head[:2] in (b"\xff\xfe", b"\xfe\xff")
     try:
-        head.decode()
+        archive, binary = head[:4] == b"PK\x03\x04", b"\0" in head[:4] and not utf_16
+        ConfigurationError.refuse_if(
+            archive, f"{path}: is a workbook or an archive: save its table as CSV"
+        )
+        ConfigurationError.refuse_if(
+            binary, f"{path}: is no UTF-8 but UTF-16 or binary: save it as UTF-8"
+        )
+        head.rstrip(bytes(range(128, 256))).decode()  # a letter may be cut at its end
+    except ConfigurationError:
+        raw.close()
+        raise
     except UnicodeDecodeError:  # spreadsheets of Windows; names are compared, whatever they read
         encoding = "utf-16" if utf_16 else "cp1252"
-    else:
-        encoding = "utf-8-sig"
     return io.TextIOWrapper(raw, encoding=encoding, errors="replace")
 
 
@@ -678,20 +674,19 @@ class ColumnHeads:
         angles_said: bool = False,
     ) -> None:
         words = [str(w).strip().strip("\"'") for w in words]
-        self.path, self.words = path, words
+        self.path, self.words, self.first = path, words, first
         if any(len(w) > 300 for w in words):  # patterns take the square of it
             raise self._error("a column's name has more than 300 characters")
-        if twice := [w for w in words if w and list(words).count(w) > 1 and not columns]:
+        if twice := [w for w in words if w and words.count(w) > 1 and not columns]:
             raise self._error(f"column {twice[0]!r:.80} is there twice")
         known = _others(arm)
         names, marks = map(list, zip(*map(split_unit, words), strict=True))
         named = {} if columns else {i: m for i, w in enumerate(words) if (m := _NAME.fullmatch(w))}
-        index = {int(m[1] or m[2]): i for i, m in named.items()}
         cells = {i: word.strip(AROUND) for i, word in enumerate(first) if i in named}
-        self.first, self.labels = first, {i: c for i, c in cells.items() if not is_number(c)}
-        for i, name in enumerate(names):
-            if number := _NUMBERED.fullmatch(_without_places(name)):
-                names[i] = self.labels.get(index.get(int(number[1]), -1)) or name
+        self.labels = {i: c for i, c in cells.items() if not is_number(c)}
+        label = {int(m[1] or m[2]): self.labels.get(i) for i, m in named.items()}
+        numbers = [_NUMBERED.fullmatch(_without_places(name)) for name in names]
+        names = [(m and label.get(int(m[1]))) or n for m, n in zip(numbers, names, strict=True)]
         exact, letters = {*arm.joints, *known}, _LETTERS.get(arm.n, "")
         if yaskawa := bool(letters) and {*letters} <= {*names} - exact and not columns:
             names = [arm.joints[letters.index(n)] if n in {*letters} else n for n in names]
@@ -702,6 +697,7 @@ class ColumnHeads:
             marks[i] = unit.lower().strip("-") or marks[i]
         scales, stamps = [SCALES.get(m) for m in marks], second_columns(names)
         times = [i for i, w in enumerate(names) if w not in exact and TIME.fullmatch(w)]
+        passed: list[int] = []
         if columns:
             times = [self._column(c[2:]) for c in columns if c.startswith("t=")]
             self.order = [self._column(c) for c in columns if not c.startswith("t=")]
@@ -710,20 +706,19 @@ class ColumnHeads:
                     f"{arm.n} columns are needed, one a joint ({', '.join(arm.joints)}); "
                     f"--columns has {len(self.order)}"
                 )
-            self.others, passed = {}, []
+            self.others = {}
             united = {*times, *(() if angles_said else self.order)}
         else:
             parts = {*stamps, *stamps.values()}
             times = [i for i in times if i not in parts] or [*stamps] * (len(stamps) == 1)
-            known_as = {*times, *(stamps[i] for i in times if i in stamps), *self.others.values()}
-            rest = {i: n for i, n in enumerate(names) if i not in known_as}
+            taken = {*times, *(stamps[i] for i in times if i in stamps), *self.others.values()}
+            rest = {i: n for i, n in enumerate(names) if i not in taken}
             aside = {i for i, n in rest.items() if n not in exact and _NO_POSITION.fullmatch(n)}
-            passed = sorted(aside | parts - known_as)
+            passed = sorted(aside | parts - taken)
             rest = {i: n for i, n in rest.items() if i not in passed}
             stems = {i: _without_places(_UNIT.sub("", words[i])) for i in rest}
-            united = {*times, *(i for i, n in stems.items() if TIME.fullmatch(n))}
-            united |= {i for i, n in stems.items() if _NUMBERED.fullmatch(n)}
-            united |= {i for i, n in stems.items() if _named(n, arm.joints)}
+            united = {*times, *(i for i, n in stems.items() if _named(n, arm.joints))}
+            united |= {i for i, n in stems.items() if TIME.fullmatch(n) or _NUMBERED.fullmatch(n)}
         for i in sorted(united):
             if marks[i] and not scales[i] and not _named(marks[i], arm.joints):
                 raise self._error(
@@ -735,42 +730,42 @@ class ColumnHeads:
         if len(times) > 1:
             pair = " and ".join(f"{words[i]!r:.80}" for i in times[:2])
             raise self._error(f"columns {pair} are both times")
-        self.time = times[0] if times else None
-        self.parts = None if self.time is None else stamps.get(self.time)
-        self.time_scale = (scales[times[0]] if times else None) or 1.0
-        if times and scales[times[0]] is None and words[times[0]] == "%time":
-            self.time_scale = 1e-9  # as rostopic writes it
+        self.time, self.parts, self.time_scale = None, None, 1.0
+        for i in times:
+            self.time, self.parts = i, stamps.get(i)
+            # As rostopic writes it.
+            self.time_scale = scales[i] or (1e-9 if words[i] == "%time" else 1.0)
         self.units, self.scales = scales, [scales[i] for i in self.order]
         self.called = [_without_places(names[i]) for i in self.order]
-        _require_kinds(path, arm, [words[i] for i in self.order], [marks[i] for i in self.order])
+        heads, kinds = [words[i] for i in self.order], [marks[i] for i in self.order]
+        _require_kinds(path, arm, heads, kinds)
         if len({s is None for s, p in zip(self.scales, arm.prismatic, strict=True) if not p}) > 1:
             raise self._error("some angles have a unit in their head, others none")
         self.used = {*self.order, *times, *self.others.values()}
-        self.used |= set() if self.parts is None else {self.parts}
-        self.notes: tuple[str, ...] = () if times else (NO_TIMES,)
-        if below:
-            self.notes += ("units are of the line below the head",)
-        if yaskawa:
-            self.notes += (
-                f"{', '.join(letters)} are taken for the joints base to tip, with the signs and "
-                "zeros of the robot's description",
-            )
-        if any(marks[i] == "grad" for i in self.order):
-            self.notes += ("Grad is taken for degrees, not for gon",)
+        self.used |= {stamps[i] for i in times if i in stamps}
         alone = (rf"(?<!\w){re.escape(j)}(?!\w)" for j in arm.joints)  # no guess where it is there
-        if not all(re.search(name, words[i]) for i, name in zip(self.order, alone, strict=True)):
-            pairs = zip(arm.joints, self.order, strict=True)
-            self.notes += ("columns: " + ", ".join(f"{j} = {words[i]!r:.80}" for j, i in pairs),)
-        unknown = [i for i in range(len(words)) if i not in {*self.used, *passed}]
+        guessed = not all(re.search(j, head) for j, head in zip(alone, heads, strict=True))
+        pairs = (f"{j} = {head!r:.80}" for j, head in zip(arm.joints, heads, strict=True))
         self.held = [held for held in held_joints(arm) if held.name in self.others]
         beside = [n for n in self.others if n not in {held.name for held in self.held}]
-        idle = [i for i in (*passed, *(() if columns else unknown)) if i not in named]
+        unknown = [i for i in range(len(words)) if not columns and i not in {*self.used, *passed}]
+        idle = [i for i in (*passed, *unknown) if i not in named]
         left = [*beside, *(words[i] or f"column {i + 1}" for i in idle)]
-        if left:
-            shown = ", ".join(f"{w!r:.80}" for w in left[:6])
-            more = f" and {len(left) - 6} more" if len(left) > 6 else ""
-            what = "the chain leaves out" if beside else "no positions in"
-            self.notes += (f"{what} {shown}{more}: not used",)
+        shown = ", ".join(f"{w!r:.80}" for w in left[:6])
+        more = f" and {len(left) - 6} more" * (len(left) > 6)
+        what = "the chain leaves out" if beside else "no positions in"
+        self.notes = (
+            *[NO_TIMES] * (not times),
+            *["units are of the line below the head"] * bool(below),
+            *[
+                f"{', '.join(letters)} are taken for the joints base to tip, with the signs and "
+                "zeros of the robot's description"
+            ]
+            * yaskawa,
+            *["Grad is taken for degrees, not for gon"] * ("grad" in kinds),
+            *["columns: " + ", ".join(pairs)] * guessed,
+            *[f"{what} {shown}{more}: not used"] * bool(left),
+        )
 
     def samples(self, values: Array, used: Sequence[int] | None) -> TrajectoryFile:
         """What an array (N, ...) of these columns, or of those that are used, holds."""
@@ -802,45 +797,43 @@ class ColumnHeads:
     def _joints(self, arm: Arm, names: Mapping[int, str]) -> list[int]:
         """The column of each joint: by name, by the end of a name, or by number."""
         short = {i: _without_places(name) for i, name in names.items()}
-        numbers = {i: m for i, n in short.items() if (m := _NUMBERED.fullmatch(n))}
+        count = {i: int(m[1]) for i, n in short.items() if (m := _NUMBERED.fullmatch(n))}
         found = {i: _named(short[i], arm.joints) for i in names}
-        if numbers and not all(found[i] for i in numbers):
-            count = {i: int(m[1]) for i, m in numbers.items()}
-            first = min(count.values())
-            if sorted(count.values()) == list(range(first, first + arm.n)) and first in (0, 1):
-                found.update({i: arm.joints[k - first] for i, k in count.items()})
-                said = {_named(w, arm.joints) for w in _NAMES.findall(" ".join(self.first))}
-                if len(said - {None}) > 1 or "" in self.labels.values():
-                    raise self._error(
-                        f"{self.words[min(count)]!r:.80} is numbered, and the first sample names "
-                        "joints, or leaves names empty: say with --columns A,B,... which columns "
-                        "are the joints, base to tip"
-                    )
-        for i in names:
-            if not found[i]:
-                if not isinstance(self.path, Path):  # a stream has what else the robot tells
-                    continue
+        first = min(count.values(), default=0)
+        all_of_them = sorted(count.values()) == list(range(first, first + arm.n))
+        if all_of_them and first in (0, 1) and not all(found[i] for i in count):
+            found.update({i: arm.joints[k - first] for i, k in count.items()})
+            said = {_named(w, arm.joints) for w in _NAMES.findall(" ".join(self.first))}
+            if len(said - {None}) > 1 or "" in self.labels.values():
+                raise self._error(
+                    f"{self.words[min(count)]!r:.80} is numbered, and the first sample names "
+                    "joints, or leaves names empty: say with --columns A,B,... which columns "
+                    "are the joints, base to tip"
+                )
+        for i, joint in found.items():
+            same = [self.words[k] for k in names if found[k] == joint]
+            if joint and len(same) > 1:
+                pair = " and ".join(f"{w!r:.80}" for w in same[:2])
+                raise self._error(f"columns {pair} could both be joint {joint!r}")
+            if not joint and isinstance(self.path, Path):  # a stream has what else the robot tells
                 if {"x", "y", "z"} <= {*map(str.lower, short.values())} and not any(found.values()):
                     raise self._error(f"has poses of the tool (x, y, z): {_POSES_TABLE}")
-                beside = f" of {name!r:.80}" if (name := names[i]) in self.labels.values() else ""
-                if i in numbers and len(numbers) > arm.n:
-                    beside = f" ({len(numbers)} are numbered, for {arm.n} joints)"
+                beside = f" of {names[i]!r:.80}" if names[i] in self.labels.values() else ""
+                if i in count and len(count) > arm.n:
+                    beside = f" ({len(count)} are numbered, for {arm.n} joints)"
                 raise self._error(
                     f"unknown column {self.words[i]!r:.80}{beside}: the joints are "
                     f"{', '.join(arm.joints)}, and times are in a column 't' or 'time' "
                     "(--columns A,B,... says which columns are the joints)"
                 )
-            if list(found.values()).count(found[i]) > 1:
-                same = [self.words[k] for k in names if found[k] == found[i]]
-                pair = " and ".join(f"{w!r:.80}" for w in same[:2])
-                raise self._error(f"columns {pair} could both be joint {found[i]!r}")
         column = {joint: i for i, joint in found.items()}
-        if missing := [j for j in arm.joints if j not in column]:
-            unknown = [self.words[i] for i in names if not found[i]]
-            close = [w for w in unknown if missing[0] in w]
-            other = f"; {(close or unknown)[0]!r:.80} is none" if unknown else ""
-            other += ": after a joint's name stands a unit, as _deg or (rad)" * bool(close)
-            raise self._error(f"no column for joint {missing[0]!r}{other}")
+        for joint in arm.joints:
+            if joint not in column:
+                unknown = [self.words[i] for i in names if not found[i]]
+                close = [w for w in unknown if joint in w]
+                other = f"; {(close or unknown)[0]!r:.80} is none" if unknown else ""
+                other += ": after a joint's name stands a unit, as _deg or (rad)" * bool(close)
+                raise self._error(f"no column for joint {joint!r}{other}")
         return [column[j] for j in arm.joints]
 
 
@@ -888,108 +881,108 @@ def _named(name: str, joints: Sequence[str]) -> str | None:
 
 @dataclass(eq=False)
 class _NumberTable:
-    """Reads numbers, some rows at a time."""
+    """Reads numbers."""
 
     path: Path
     separator: str | None
     used: Sequence[int] | None
     width: int
-    line: int
+    line: int  # the number of the line that was read last
     degrees: bool | None = None  # what a comment says of units
     commas: bool = False  # decimal commas were found
-    time: int | None = None  # the column of times
-    clock: str = ""  # the first of them, where they are times of day
+    time: int | None = None  # the column of times of day
+    clock: str = ""  # the first of them
     days: int = 0  # how often these passed midnight
     labels: Mapping[int, str] = field(default_factory=dict)
-    _start: tuple[bool, float] | None = None
-    _last: float = 0.0
+    _row: str = ""  # of that line
+    _start: float = 0.0
+    _last: float = -math.inf
 
-    def rows(self, source: Iterator[str]) -> Iterator[Array]:
-        """Rows (K, used), some at a time, from the line after ``line`` on."""
+    def read(self, source: Iterable[str]) -> Array:
+        """Rows (N, used), from the line after ``line`` on."""
         import warnings
 
-        while lines := list(itertools.islice(source, _ROWS)):
-            first = self.line + 1
-            self.line += len(lines)
-            for number, line in enumerate(lines, first):
-                if "#" in line:
-                    self.degrees = stated_unit(f"{self.path}:{number}", line, self.degrees)
-                cells = line.split("#")[0].split(self.separator) if self.labels else ()
-                for i, name in self.labels.items():
-                    if i < len(cells) > 1 and (other := cells[i].strip(AROUND)) != name:
-                        raise ConfigurationError(
-                            f"{self.path}:{number}: column {i + 1} names {other!r:.80}, not "
-                            f"{name!r:.80} as before: say with --columns A,B,... which columns "
-                            "are the joints, base to tip"
-                        )
-            if not any(line.split("#")[0].strip() for line in lines):
+        clocks: dict[int | str, Callable[[str], float]] = {}
+        if self.time is not None:
+            clocks[self.time] = self._seconds
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a table without a row is no surprise
+            try:
+                table = np.loadtxt(
+                    self._rows(source), delimiter=self.separator, ndmin=2, comments=None,
+                    usecols=self.used, converters=clocks, encoding=None,
+                )  # fmt: skip
+            except ValueError as error:
+                cause = (clocks and error.__cause__) or error  # what `_seconds` raised
+                if not isinstance(cause, ConfigurationError):
+                    cause = self._fault(" ".join(str(cause).split()))
+                raise cause from None
+        return np.asarray(table, dtype=float).reshape(-1, len(self.used or range(self.width)))
+
+    def _rows(self, source: Iterable[str]) -> Iterator[str]:
+        """Lines of numbers alone, one by one, so that faults are of the last one."""
+        for line in source:
+            self.line += 1
+            if "#" in line:
+                self.degrees = stated_unit(f"{self.path}:{self.line}", line, self.degrees)
+                line = line.partition("#")[0]
+            if not line.strip():
                 continue
-            if self.time is not None:
-                lines = [self._plain(line, n) for n, line in enumerate(lines, first)]
-            if self.separator != "," and any("," in line for line in lines):
-                self.commas = True
-                lines = [line.replace(",", ".") for line in lines]
-            # One by one: for a quote that nothing ends, numpy takes all that follows as one cell.
-            lines = [_QUOTED.sub(r"\1", line) if '"' in line else line for line in lines]
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # an end of file is no surprise
-                try:
-                    table = np.loadtxt(
-                        lines, delimiter=self.separator, ndmin=2, comments="#", usecols=self.used
-                    )
-                except ValueError as error:
-                    raise self._fault(lines, first, " ".join(str(error).split())) from None
-            if table.shape[1] != len(self.used or range(self.width)):
-                raise self._fault(lines, first, "another number of columns than before")
-            yield np.asarray(table, dtype=float)
+            if self.labels:
+                self._require_labels(line.split(self.separator))
+            if self.separator != "," and "," in line:
+                self.commas, line = True, line.replace(",", ".")
+            if '"' in line:  # one that nothing ends would take all that follows as one cell
+                line = _QUOTED.sub(r"\1", line)
+            first, self._row = not self._row, line
+            if first and self.used is None and len(line.split(self.separator)) != self.width:
+                raise self._fault("")
+            yield line
 
-    def _fault(self, lines: Sequence[str], first: int, words: str) -> ConfigurationError:
-        """Say which of the lines from ``first`` on is no row of numbers, or else ``words``."""
-        used, some = self.used or range(self.width), self.used is not None
-        for number, line in enumerate(lines, first):
-            row = line.split("#")[0]
-            cells = [cell.strip() for cell in row.split(self.separator)]
-            few = not used[-1] < len(cells) if some else len(cells) != self.width
-            odd = [] if few else [i for i in used if "_" in cells[i] or not is_number(cells[i])]
-            if few and row.strip():
-                return ConfigurationError(
-                    f"{self.path}:{number}: {len(cells)} columns, and {self.width} in the first "
-                    "line: give each line the same columns"
+    def _require_labels(self, cells: Sequence[str]) -> None:
+        """Refuse cells that name another joint than in the first sample."""
+        for i, name in self.labels.items():
+            if i < len(cells) > 1 and (other := cells[i].strip(AROUND)) != name:
+                raise ConfigurationError(
+                    f"{self.path}:{self.line}: column {i + 1} names {other!r:.80}, not "
+                    f"{name!r:.80} as before: say with --columns A,B,... which columns "
+                    "are the joints, base to tip"
                 )
-            if odd and row.strip():
-                word = cells[odd[0]]
-                alone = ": write numbers alone, and units in the head, as 'J1 (deg)'"
-                return ConfigurationError(
-                    f"{self.path}:{number}: column {odd[0] + 1}: {word!r:.80} is no number"
-                    + alone * bool(re.search('["°]', word))
-                )
-        return ConfigurationError(f"{self.path}: after line {first}: {words:.200}")
 
-    def _plain(self, line: str, number: int) -> str:
-        """Return the line with its time in seconds from the first, if that is a time of day."""
-        cells, i = line.split(self.separator), self.time or 0
-        if self.time is None or i >= len(cells) or line.lstrip().startswith("#"):
-            return line
-        if ":" not in cells[i] and not self.clock:
-            self.time = None  # plain numbers all
-            return line
-        word = cells[i].strip(" \t\r\n\"'")
-        said = _CLOCK.fullmatch(word)
-        if said is None or (self._start or (said[1] is not None,))[0] != (said[1] is not None):
+    def _seconds(self, word: str) -> float:
+        """Seconds of a time of day, perhaps of a date, from the first one."""
+        word = word.strip(" \t\r\n\"'")
+        self.clock, begin = self.clock or word, not self.clock
+        said, first = (_CLOCK.fullmatch(w) for w in (word, self.clock))
+        if said is None or first is None or (said[1] is None) != (first[1] is None):
             raise ConfigurationError(
-                f"{self.path}:{number}: time {word!r:.40}: give all in seconds, all as HH:MM:SS, "
-                "or all as YYYY-MM-DD HH:MM:SS"
+                f"{self.path}:{self.line}: time {word!r:.40}: give all in seconds, all as "
+                "HH:MM:SS, or all as YYYY-MM-DD HH:MM:SS"
             )
         day = datetime.date.fromisoformat(said[1]).toordinal() if said[1] else 0
         zone = re.findall(r"[-+]?\d\d", said[5] or "")
         away = 60 * int(zone[0]) + math.copysign(int(zone[1]), int(zone[0])) if zone else 0
         seconds = 60 * (60 * int(said[2]) + int(said[3]) - away) + float(said[4].replace(",", "."))
-        if self._start is None:
-            self._start, self.clock = (said[1] is not None, day * 86400 + seconds), word
         self.days += not said[1] and seconds < self._last - 43200  # by half a day and more
         self._last = seconds
-        cells[i] = repr((day + self.days) * 86400 + seconds - self._start[1])
-        return (self.separator or " ").join(cells)
+        seconds += (day + self.days) * 86400
+        self._start = seconds if begin else self._start
+        return seconds - self._start
+
+    def _fault(self, words: str) -> ConfigurationError:
+        """Say why the last line is no row of numbers, or else ``words``."""
+        cells = [cell.strip() for cell in self._row.split(self.separator)]
+        used, count = self.used or range(self.width), len(cells)
+        if count <= used[-1] or (count > self.width and self.used is None):
+            words = f"{count} columns, and {self.width} in the first line: give each line the same"
+            return ConfigurationError(f"{self.path}:{self.line}: {words} columns")
+        numbers = [i for i in used if i != self.time]
+        odd = [i for i in numbers if "_" in cells[i] or not is_number(cells[i])]
+        if odd:
+            words = f"column {odd[0] + 1}: {cells[odd[0]]!r:.80} is no number"
+            if re.search('["°]', cells[odd[0]]):
+                words += ": write numbers alone, and units in the head, as 'J1 (deg)'"
+        return ConfigurationError(f"{self.path}:{self.line}: {words:.300}")
 
 
 def is_number(word: str) -> bool:
