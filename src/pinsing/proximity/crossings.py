@@ -85,9 +85,7 @@ def motion_of(watched: Watched, motion: Any, t: ArrayLike | None = None) -> Moti
 
 def check_reach(watched: Watched, Q: Array, what: str = "sample", first: int = 1) -> None:
     """Raise ConfigurationError if a value (N, n) is beyond 1e9; ``what`` and ``first`` name it."""
-    far = np.argwhere(np.abs(Q) > FARTHEST)
-    if len(far):
-        i, j = far[0]
+    for i, j in np.argwhere(np.abs(Q) > FARTHEST):
         raise ConfigurationError(
             f"{what} {first + i}: {watched.joints[j]} is {Q[i, j]:g}; values beyond "
             f"{FARTHEST:g} (radians, metres) are no positions of a joint"
@@ -98,21 +96,13 @@ def check_times(t: ArrayLike | None, count: int) -> Array:
     """Return ascending times of ``count`` samples, by default 0, 1, 2, ...; else OptionError."""
     if t is None:
         return np.arange(count, dtype=float)
-    try:
-        times = np.array(t, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise OptionError(f"t is not an array of numbers: {error}") from None
-    except OverflowError:
-        raise OptionError("t holds a number too large for a float") from None
+    times = real_numbers(t, "t")
     OptionError.refuse_if(
         times.shape != (count,), f"t needs {count} times, one a sample; got shape {times.shape}"
     )
-    wrong = np.flatnonzero(~np.isfinite(times))
-    if wrong.size:
-        raise OptionError(f"time of sample {wrong[0] + 1} is {times[wrong[0]]}")
-    back = np.flatnonzero(np.diff(times) <= 0)
-    if back.size:
-        i = int(back[0])
+    for i in np.flatnonzero(~np.isfinite(times)):
+        raise OptionError(f"time of sample {i + 1} is {times[i]}")
+    for i in np.flatnonzero(np.diff(times) <= 0):
         raise OptionError(
             f"times must ascend: sample {i + 2} is at {times[i + 1]:g}, "
             f"the one before at {times[i]:g}"
@@ -707,23 +697,12 @@ def _refined(
     conditions: Conditions, watched: Watched, motion: Motion, near: float
 ) -> tuple[float, float, Array]:
     """Least distance found near a place of a motion: (upper, t, q)."""
-
-    def at(places: Array) -> Array:
-        Q = motion.at(places)
-        return nearest_points(conditions, Q, watched.lower, watched.upper, _CLOSE).upper
-
-    low, high = 0.0, float(len(motion.pieces))
-    u = np.unique(np.clip([near, low, high, near - 0.5, near + 0.5], low, high))
-    upper = at(u)
-    for _ in range(12):
+    least, place, q = np.inf, np.array([near]), motion.at(np.array([near]))[0]
+    for step in (0.0, *0.5 ** np.arange(1.0, 14.0)):  # to where it is less, by half of it each time
+        u = np.clip(np.append(place - step, place + step), 0.0, float(len(motion.pieces)))
+        Q = motion.at(u)
+        upper = nearest_points(conditions, Q, watched.lower, watched.upper, _CLOSE).upper
         k = int(np.argmin(upper))
-        left, right = u[max(k - 1, 0)], u[min(k + 1, len(u) - 1)]
-        if right - left < 1e-6:
-            break
-        fresh = np.setdiff1d(np.array([(left + u[k]) / 2, (u[k] + right) / 2]), u)
-        u, upper = np.append(u, fresh), np.append(upper, at(fresh))
-        order = np.argsort(u)
-        u, upper = u[order], upper[order]
-    k = int(np.argmin(upper))
-    place = u[k : k + 1]
-    return float(upper[k]), float(motion.time(place)[0]), motion.at(place)[0]
+        if upper[k] < least:
+            least, place, q = float(upper[k]), u[k : k + 1], Q[k]
+    return least, float(motion.time(place)[0]), q

@@ -124,39 +124,32 @@ def track(arm: Arm, line: Line, q: Array) -> Tracked:
     """Follow a line from q as far as it goes, with steps that are sure of their branch."""
     # ConfigurationError if it starts where a tip velocity along it is not possible.
     scale = np.where(np.array(arm.task.rows) < 3, max(arm.length_scale, 1e-9), 1.0)
+    largest = max(1.0, float(np.abs([line.along, line.axis]).max()))
     s, step = 0.0, _FIRST
-    S, Q = [s], [q]
-    rates: list[Array] = []
-    while True:
+    passed: list[tuple[float, Array, Array]] = []
+    while len(passed) < 200_000:
         _, J, twist = line.rows(arm, q, s)
         rate = np.asarray(np.linalg.lstsq(J, twist, rcond=1e-12)[0], dtype=float)
-        missed = np.abs((J @ rate - twist) / scale).max()
-        if missed > 1e-6 * max(1.0, float(np.abs([line.along, line.axis]).max())):
-            if len(S) == 1:
-                few = arm.n < len(arm.task.rows)
-                task = f"{arm.n} joints cannot hold the full pose, so try --task position"
-                raise ConfigurationError(
-                    "the line starts at a configuration at which the tip cannot move along it"
-                    + f": {task}" * few
-                )
-            rates.append(rates[-1])
+        if np.abs((J @ rate - twist) / scale).max() > 1e-6 * largest:
+            few = arm.n < len(arm.task.rows)
+            task = f": {arm.n} joints cannot hold the full pose, so try --task position"
+            ConfigurationError.refuse_if(
+                not passed,
+                "the line starts at a configuration at which the tip cannot move along it"
+                + task * few,
+            )
+            passed.append((s, q, passed[-1][2]))
             break
-        rates.append(rate)
-        if s >= 1.0 or len(S) >= 200_000:
-            break
+        passed.append((s, q, rate))
         step = min(2 * step, _LONGEST / max(float(np.abs(rate).max()), _LONGEST * 20), 1.0 - s)
-        found = None
-        while step >= _SHORTEST:
-            if (found := _step(arm, line, scale, q, s + step, step * rate)) is not None:
-                break
-            step /= 2
-        if found is None:
+        ahead = None
+        while ahead is None and step >= _SHORTEST:
+            ahead = _step(arm, line, scale, q, s + step, step * rate)
+            step = step if ahead is not None else step / 2
+        if ahead is None:
             break
-        s = 1.0 if 1.0 - (s + step) < 1e-14 else s + step
-        q = found
-        S.append(s)
-        Q.append(q)
-    return Tracked(np.array(S), np.array(Q), np.array(rates))
+        s, q = 1.0 if 1.0 - (s + step) < 1e-14 else s + step, ahead
+    return Tracked(*(np.array(part) for part in zip(*passed, strict=True)))
 
 
 def _step(arm: Arm, line: Line, scale: Array, q: Array, s: float, ahead: Array) -> Array | None:
