@@ -10,9 +10,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (36_076, 30_000),
-    "Python in src: lines": (69_365, 56_000),
-    "C++, JavaScript, templates, styles: lines": (11_689, 9_500),
+    "Python in src: statements": (35_982, 30_000),
+    "Python in src: lines": (69_270, 56_000),
+    "C++, JavaScript, templates, styles: lines": (11_687, 9_500),
     "modules": (137, 220),
     "packages directly under pinsing": (15, 16),
     "numbers in module constants": (492, 500),

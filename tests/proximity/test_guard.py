@@ -160,9 +160,7 @@ def compare(arm: Arm, form: ClosedForm, found: CGuard, count: int) -> None:
     # Nothing is clear within an upper bound, and nothing on a family is clear at all.
     assert (each[..., 1] <= reference.each[..., 1]).all()
     some = Q[:: max(1, len(Q) // 60)]
-    true = pinsing.clearance(
-        form, some, families=[f.name for f in form.families], certify=True, gap=1e-4
-    )
+    true = pinsing.clearance(form, some, families=watched.names, certify=True, gap=1e-4)
     assert (found.ask(some)[0] <= true.upper).all()
     values = found.values(Q)
     equations = [e for f in watched.families for e in f.equations]

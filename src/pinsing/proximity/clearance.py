@@ -899,8 +899,11 @@ class RoomSearch:
             order = np.argsort(-promise, kind="stable")
             if self.budget.over or promise[order[0]] <= self.lower + CLOSE:
                 return
-            places = np.unique(np.round(X[order], 1), axis=0, return_index=True)[1]
-            self.prove(X[order[np.sort(places)[:_TRIED]]])
+            chosen: list[int] = []  # not all in one place
+            for i in order.tolist():
+                if len(chosen) < _TRIED and (np.linalg.norm(X[i] - X[chosen], axis=1) > 0.1).all():
+                    chosen.append(i)
+            self.prove(X[chosen])
 
     def _uphill(
         self, X: Array, worth: Callable[[Array], Array], sizes: Iterable[float], some: bool = False

@@ -971,7 +971,7 @@ def _python_text(f: Mapping[str, Any], c: Conditions, zones: Mapping[str, Any], 
     ]
     code = Path(trig_sum.__file__).read_text(encoding="ascii")
     parts = {
-        **{name: _literal(value) for name, value in f.items()},
+        "constants": "\n".join(f"{name.upper()} = {_literal(v)}" for name, v in f.items()),
         "code": code.partition("import Array, ArrayLike\n")[2].strip(),
         "branches": _rows(branches),
         "sums": _rows(sums),
