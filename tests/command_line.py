@@ -2,6 +2,8 @@
 
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from typing import Any
 
 from click.testing import CliRunner, Result
@@ -18,6 +20,20 @@ def python(*words: object, **more: Any) -> subprocess.CompletedProcess[str]:
     """Run Python in a process of its own: what it prints, and how it ends."""
     line = [sys.executable, *map(str, words)]
     return subprocess.run(line, capture_output=True, text=True, **more)
+
+
+def started(*words: object, **more: Any) -> subprocess.Popen[Any]:
+    """Python in a process of its own that goes on: pipes of text but where said otherwise."""
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen([sys.executable, *map(str, words)], **{**pipes, **more})
+
+
+def soon(holds: Callable[[], object], seconds: float = 60.0) -> None:
+    """Wait until something holds, so long at the most."""
+    end = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < end, "it has not come to that"
+        time.sleep(0.005)
 
 
 def and_peak(code: str) -> tuple[str, float]:

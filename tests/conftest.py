@@ -41,6 +41,8 @@ providers._get_local_constants = lambda: providers._local_constants
 
 # What a test reads it reads itself, and nothing of it stays on the user's disk.
 os.environ["PINSING_CACHE"] = ""
+# Nothing is drawn on a screen.
+os.environ["MPLBACKEND"] = "agg"
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -7,13 +7,11 @@ import re
 import shlex
 import signal
 import stat
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import python, run
+from command_line import python, run, started
 from kernel import needs_kernel
 from tiers import sampled, tiered
 from urdf_texts import LIMIT
@@ -29,11 +27,6 @@ from pinsing.sampling.analyze import Analysis
 from pinsing.sampling.sweeps import load_npz
 
 URDF = Path(__file__).parent.parent / "urdf"
-
-
-def started(*words: str) -> subprocess.Popen[str]:
-    pipe = subprocess.PIPE
-    return subprocess.Popen([sys.executable, *words], stdout=pipe, stderr=pipe, text=True)
 
 
 class TestProcess:

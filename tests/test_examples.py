@@ -9,7 +9,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import pytest
 from matplotlib import pyplot
 from public import documented
@@ -17,8 +16,6 @@ from tiers import tiered
 
 import pinsing
 from pinsing._batch import engine
-
-matplotlib.use("agg")
 
 # What other modules call and no user would: described, but without an example of its own.
 PLUMBING = {

@@ -8,13 +8,11 @@ import pty
 import re
 import shlex
 import struct
-import subprocess
-import sys
 import termios
 from collections.abc import Iterator
 
 import pytest
-from command_line import run as pinsing_command
+from command_line import run as pinsing_command, started
 from tiers import tiered
 
 from pinsing.prose import NARROWEST, WIDEST, Page, Table, alarm, columns, good, safe
@@ -39,13 +37,8 @@ def in_terminal(width: int, *words: str, **environment: str) -> str:
     master, slave = pty.openpty()
     fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 50, width, 0, 0))
     env = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "COLUMNS")}
-    child = subprocess.Popen(
-        [sys.executable, "-m", "pinsing", *words],
-        stdin=slave,
-        stdout=slave,
-        stderr=slave,
-        env={**env, "TERM": "xterm-256color", **environment},
-    )
+    env |= {"TERM": "xterm-256color", **environment}
+    child = started("-m", "pinsing", *words, stdin=slave, stdout=slave, stderr=slave, env=env)
     os.close(slave)
     text = b""
     with contextlib.suppress(OSError):  # until the other end is closed

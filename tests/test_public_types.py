@@ -13,7 +13,6 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 import pytest
 from matplotlib import pyplot
@@ -25,7 +24,6 @@ import pinsing.plot
 from pinsing.errors import ArgumentError, PinsingError
 from pinsing.postures.placement import place_at
 
-matplotlib.use("agg")
 FIVE_BAR = Path(__file__).parent.parent / "urdf" / "five_bar.urdf"
 
 

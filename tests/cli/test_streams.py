@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from command_line import run
+from command_line import run, started
 from tiers import sampled, tiered
 
 from pinsing.cli import app
@@ -76,9 +76,7 @@ def test_a_stream_that_others_have_set_not_to_wait(tmp_path: Path) -> None:
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     words = ["map", "planar3r", "--count", "50000", "--worst", "20000", "-o", "-"]
-    with subprocess.Popen(
-        [sys.executable, "-m", "pinsing", *words], stdout=writer, stderr=subprocess.PIPE
-    ) as child:
+    with started("-m", "pinsing", *words, stdout=writer) as child:
         os.close(writer)
         with open(reader, "rb") as file:
             text = file.read()

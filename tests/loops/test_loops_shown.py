@@ -2,15 +2,13 @@
 
 import sys
 
+import click
 import matplotlib as mpl
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from mechanisms import URDF, analyzed, shipped
 from tiers import tiered
-
-mpl.use("agg")
-import click
-from click.testing import CliRunner
 
 from pinsing.cli.mechanism import analyze_loops, loops_option, view_loops
 from pinsing.cli.options import joint_values

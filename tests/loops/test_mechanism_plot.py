@@ -29,9 +29,6 @@ from pinsing.plot.mechanism import (
 )
 from pinsing.robot.mechanism import load_mechanism
 
-mpl.use("agg")
-
-
 OVER = {
     "five_bar": ("x", "y"), "planar_3rrr": ("x", "y"), "planar_3rpr": ("y", "yaw"),
     "gough_stewart": ("z", "pitch"), "stewart_6_3": ("x", "roll"), "delta": ("x", "z"),

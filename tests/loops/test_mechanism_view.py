@@ -3,13 +3,13 @@
 import asyncio
 import json
 import signal
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from command_line import started
 from links import get, heard
 from mechanisms import URDF, analyzed, four_bar, shipped
 from tiers import tiered
@@ -114,14 +114,8 @@ def test_the_command_serves_until_it_is_ended() -> None:
     run = "import sys; from pinsing.cli.show import view_command; view_command(sys.argv[1:])"
     loops = str(URDF / "four_bar.loops.yaml")
     words = [str(URDF / "four_bar.urdf"), "--loops", loops, "--no-open", "--q", "40", "--deg"]
-    process = subprocess.Popen(
-        [sys.executable, "-c", run, *words],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    process = started("-c", run, *words)
     try:
-        assert process.stdout is not None
         url = process.stdout.readline().strip()
         assert get(url)[0] == 200
         assert get(url + "page.json")[0] == 200  # comes when there is a mechanism to ask for

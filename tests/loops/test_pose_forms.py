@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -17,9 +17,6 @@ from pinsing.loops.legs import rods
 from pinsing.loops.pose_loci import PoseRing, _loci, _split, _type1, variables_at
 from pinsing.plot.mechanism import border_field, colors, regions
 from pinsing.robot.mechanism import Loop
-
-mpl.use("agg")
-import matplotlib.pyplot as plt
 
 
 def rotation(e):

@@ -1,19 +1,14 @@
 """Plots, by what is in them: artists, their data, labels; and files that come out."""
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
-
-import matplotlib as mpl
-
-mpl.use("agg")
 
 import numpy as np
 import pytest
 from arms import textbook, ur5
 from click.testing import CliRunner
+from command_line import python
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.contour import ContourSet
@@ -395,9 +390,7 @@ def test_the_command_writes_figures(tmp_path: Path, words: str, suffix: str) -> 
 @pytest.mark.slow
 def test_a_command_draws_whatever_backend_the_environment_names(tmp_path: Path) -> None:
     out = tmp_path / "a.png"
-    run = [sys.executable, "-m", "pinsing", "plot", "ellipsoids", "planar3r", "--q", "0,1,0"]
-    done = subprocess.run(
-        [*run, "-o", str(out)], env={**os.environ, "MPLBACKEND": "junk"}, capture_output=True
-    )
+    words = ["-m", "pinsing", "plot", "ellipsoids", "planar3r", "--q", "0,1,0", "-o", out]
+    done = python(*words, env={**os.environ, "MPLBACKEND": "junk"})
     assert done.returncode == 0, done.stderr
     assert out.read_bytes().startswith(b"\x89PNG")

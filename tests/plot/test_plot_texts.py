@@ -5,10 +5,6 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
-
-mpl.use("agg")
-
 import pytest
 from command_line import run
 from matplotlib import pyplot as plt

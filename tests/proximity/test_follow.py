@@ -3,13 +3,12 @@
 import json
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import run
+from command_line import python, run, started
 from urdf_texts import LIMIT
 
 import pinsing
@@ -18,7 +17,7 @@ from pinsing.proximity.monitor import BACKLOG, Follower, HeadError, Reader, foll
 
 Q = np.array([0.0, -1.2, 1.3, -1.0, 0.15, 0.0])
 SPEED = np.array([0.0, 0.0, 0.0, 0.0, -0.3, 0.0])
-COMMAND = [sys.executable, "-c", "from pinsing.cli import program; program()", "check", "ur5"]
+COMMAND = ["-c", "from pinsing.cli import program; program()", "check", "ur5", "--follow", "-"]
 
 
 @pytest.fixture(scope="module")
@@ -254,9 +253,7 @@ def test_silence_is_said_once_and_a_file_is_read_whole(form, tmp_path: Path):
     file = tmp_path / "log.csv"
     file.write_text("\n".join(line(k / 100, Q) for k in range(3 * BACKLOG)))
     with file.open() as stream:
-        done = subprocess.run(
-            [*COMMAND, "--follow", "-"], stdin=stream, capture_output=True, text=True, timeout=60
-        )
+        done = python(*COMMAND, stdin=stream, timeout=60)
     assert done.returncode == 0, done.stderr
     out = [json.loads(text) for text in done.stdout.splitlines()]
     assert len(out) == 3 * BACKLOG
@@ -282,9 +279,7 @@ def test_the_move_leads_away_also_from_the_singularity_itself_and_within_limits(
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_it_also_where_nobody_takes_its_verdicts(number):
-    with subprocess.Popen(
-        [*COMMAND, "--follow", "-"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as robot:
+    with started(*COMMAND, stdin=subprocess.PIPE) as robot:
         for k in range(2000):
             robot.stdin.write(line(k, Q) + "\n")
         robot.stdin.flush()

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import arms
 import pytest
-from command_line import run
+from command_line import run, soon, started
 
 from pinsing._version import __version__
 from pinsing.errors import WorkerError
@@ -38,17 +37,8 @@ SECONDS = 60
 @dataclass
 class Cluster:
     address: str
-    workers: list[subprocess.Popen[bytes]]
-    scheduler: subprocess.Popen[bytes]
-
-
-def dask(*words: str, **more: str) -> subprocess.Popen[bytes]:
-    return subprocess.Popen(
-        [sys.executable, "-m", "dask", *words],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        env={**os.environ, "OMP_NUM_THREADS": "1", **more},
-    )
+    workers: list[subprocess.Popen[str]]
+    scheduler: subprocess.Popen[str]
 
 
 @contextlib.contextmanager
@@ -58,36 +48,26 @@ def cluster(folder: Path, workers: int, there: dict[str, str] | None = None) -> 
     where = ["--host", "127.0.0.1", "--no-dashboard"]
     with contextlib.ExitStack() as stack:
 
-        def start(*words: str, **more: str) -> subprocess.Popen[bytes]:
-            process = stack.enter_context(dask(*words, **more))
+        def start(*words: str, **more: str) -> subprocess.Popen[str]:
+            streams = dict.fromkeys(("stdout", "stderr"), subprocess.DEVNULL)
+            env = {**os.environ, "OMP_NUM_THREADS": "1", **more}
+            process = stack.enter_context(started("-m", "dask", *words, env=env, **streams))
             stack.callback(process.kill)
             return process
 
         scheduler = start("scheduler", *where, "--port", "0", "--scheduler-file", str(file))
-        deadline = time.monotonic() + SECONDS
-        while not (file.exists() and file.stat().st_size):
-            assert time.monotonic() < deadline, "the scheduler has not come up"
-            time.sleep(0.05)
+        soon(lambda: file.exists() and file.stat().st_size)
         address = json.loads(file.read_text())["address"]
         options = ["--no-nanny", "--nthreads", "1", "--local-directory", str(folder), *where]
         more = there or {}
-        started = [start("worker", address, *options, **more) for _ in range(workers)]
-        yield Cluster(address, started, scheduler)
+        made = [start("worker", address, *options, **more) for _ in range(workers)]
+        yield Cluster(address, made, scheduler)
 
 
 @pytest.fixture(scope="module")
 def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     with cluster(tmp_path_factory.mktemp("dask"), 2) as found:
         yield found
-
-
-@pytest.mark.slow
-def test_a_cluster_gives_the_same_bits(shared: Cluster) -> None:
-    arm = arms.textbook("surgical7")
-    options = {"count": 20 * BLOCK + 3, "chunk": BLOCK}
-    with dask_cluster(shared.address, timeout=SECONDS) as (executor, parallel):
-        result = sigma_map(arm, **options, executor=executor, parallel=parallel)
-    assert result.to_json() == sigma_map(arm, **options).to_json()
 
 
 @pytest.mark.slow
@@ -136,10 +116,7 @@ def test_a_worker_killed_in_the_middle(tmp_path: Path) -> None:
         cluster(tmp_path, 2) as found,
         dask_cluster(found.address, timeout=SECONDS) as (executor, _),
     ):
-        deadline = time.monotonic() + SECONDS
-        while len(executor._client.nthreads()) < 2:
-            assert time.monotonic() < deadline, "the workers have not come up"
-            time.sleep(0.05)
+        soon(lambda: len(executor._client.nthreads()) == 2)
         seen: list[int] = []
 
         def progress(done: int, total: int) -> None:
@@ -199,17 +176,10 @@ def test_a_scheduler_that_dies(tmp_path: Path, number: signal.Signals) -> None:
     out = tmp_path / "run"
     words = ["map", "planar3r", "--count", "2e6", "--chunk", "4096", "-o", str(out)]
     with cluster(tmp_path, 2) as found:
-        child = subprocess.Popen(
-            [sys.executable, "-m", "pinsing", *words, "--dask", found.address],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-        )
-        deadline = time.monotonic() + SECONDS
-        while not (out / "chunks").is_dir() or len(os.listdir(out / "chunks")) < 3:
-            assert time.monotonic() < deadline
-            time.sleep(0.005)
+        child = started("-m", "pinsing", *words, "--dask", found.address)
+        soon(lambda: len([*out.glob("chunks/*")]) >= 3)
         found.scheduler.send_signal(number)
-        error = child.communicate(timeout=SECONDS)[1].decode()
+        error = child.communicate(timeout=SECONDS)[1]
     assert child.returncode == 2, error
     lines = [x for x in error.splitlines() if "note: " not in x and "worker threads" not in x]
     assert len(lines) == 1, error

@@ -7,7 +7,6 @@ import json
 import os
 import shutil
 import signal
-import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -17,7 +16,7 @@ from typing import Any
 import arms
 import numpy as np
 import pytest
-from command_line import run
+from command_line import run, soon, started
 from tiers import tiered
 
 from pinsing import singular_values
@@ -145,8 +144,8 @@ def test_two_at_once(tmp_path: Path) -> None:
         f"with open_run({str(tmp_path)!r}, {IDENTITY!r}, 3):\n"
         "    print('in', flush=True); time.sleep(60)"
     )
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as child:
-        assert child.stdout.readline() == b"in\n"
+    with started("-c", code) as child:
+        assert child.stdout.readline() == "in\n"
         with pytest.raises(OutputError, match="another process is at work"):
             open_run(tmp_path, IDENTITY, 3).__enter__()
         child.kill()
@@ -187,17 +186,8 @@ def test_a_full_disk_is_an_error_and_loses_nothing(tmp_path, monkeypatch):
 def test_ctrl_c_at_a_terminal(tmp_path: Path, where: str) -> None:
     out = tmp_path / "run"
     words = ["map", "ur5", "--count", "1e9", "-o", str(out), "--chunk", "65536", where, "2"]
-    with subprocess.Popen(
-        [sys.executable, "-m", "pinsing", *words],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    ) as child:
-        deadline = time.monotonic() + 60
-        while not (out / "plan.json").exists():  # workers are about to start
-            assert time.monotonic() < deadline
-            time.sleep(0.002)
+    with started("-m", "pinsing", *words, start_new_session=True) as child:
+        soon((out / "plan.json").exists)  # workers are about to start
         time.sleep(0.15)
         os.killpg(child.pid, signal.SIGINT)  # a terminal sends it to all of them
         error = child.communicate(timeout=60)[1]
@@ -218,14 +208,11 @@ def test_workers_do_not_outlive_a_killed_parent(tmp_path: Path) -> None:
     )
     script = tmp_path / "parent.py"
     script.write_text(code)
-    with subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE) as parent:
+    with started(script) as parent:
         workers = [int(word) for word in parent.stdout.readline().split()]
         assert workers
         parent.kill()
-    deadline = time.monotonic() + 10
-    while any(alive(pid) for pid in workers):
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
+    soon(lambda: not any(alive(pid) for pid in workers), 10)
 
 
 def alive(pid: int) -> bool:

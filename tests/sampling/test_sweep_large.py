@@ -1,16 +1,12 @@
 """Sweeps of any size: reduced as they go, cut anywhere, in bounded memory, nothing lost unsaid."""
 
-import os
-import signal
-import subprocess
 import sys
-import time
 from pathlib import Path
 
 import arms
 import numpy as np
 import pytest
-from command_line import and_peak, run
+from command_line import and_peak
 from singular_sets import dips
 
 from pinsing.errors import OptionError
@@ -210,48 +206,6 @@ def test_curves_that_are_not_kept(tmp_path: Path) -> None:
         run_sweep(arm, plan, keep=True)
     run_sweep(arm, plan, out=tmp_path / "run")
     assert load_npz(tmp_path / "run" / "sweep.npz").to_json() == result.to_json()
-
-
-# ---- the command line
-
-
-@pytest.mark.slow
-def test_killed_and_stopped_sweeps_go_on_to_the_same_result(tmp_path: Path) -> None:
-    """kill -9, then Ctrl-C, then to the end: what a run at one stretch gives."""
-    special = ",".join(str(a) for a in range(-180, 180, 30))
-    words = ["analyze", "--sweep", "panda", f"--special={special}", "--deg", "--levels", "2"]
-    words += ["--no-keep", "--samples", "1201", "-o"]
-    out = tmp_path / "run"
-
-    def chunks() -> int:
-        return len(list((out / "chunks").glob("*.npz"))) if (out / "chunks").is_dir() else 0
-
-    for number, code in ((signal.SIGKILL, -signal.SIGKILL), (signal.SIGINT, 130)):
-        before = chunks()
-        with subprocess.Popen(
-            [sys.executable, "-m", "pinsing", *words, "-", "-o", str(out)],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            start_new_session=True,
-        ) as child:
-            deadline = time.monotonic() + 60
-            while chunks() < before + 3:
-                assert time.monotonic() < deadline
-                assert child.poll() is None
-                time.sleep(0.001)
-            os.kill(child.pid, number)
-            error = child.communicate(timeout=60)[1].decode()
-        assert child.returncode == code, error
-    before = chunks()
-    assert before >= 6
-    files = [tmp_path / "a.json", tmp_path / "b.json"]
-    done = run(*words, str(files[0]), "-o", str(out))
-    assert done.exit_code == 0
-    assert f"{before} of {chunks()} chunks were done before" in done.stderr
-    assert before < chunks()
-    assert run(*words, str(files[1]), "--threads", "1").exit_code == 0
-    assert files[0].read_bytes() == files[1].read_bytes()
-    assert not [p for p in out.iterdir() if p.suffix == ".part"]
 
 
 # ---- memory

@@ -2,13 +2,12 @@
 
 import json
 import struct
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from command_line import python
 from urdf_texts import LIMIT, joint
 
 from pinsing import load
@@ -175,7 +174,7 @@ def test_the_reader_of_meshes_sees_their_folders_only(tmp_path):
         outside=str(tmp_path / "secret"),
         link=str(folder / "link.stl"),
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    done = python("-c", script)
     lines = done.stdout.splitlines()
     assert done.returncode == 0, done.stderr
     if lines[0]:
@@ -203,9 +202,8 @@ def test_nothing_is_said_on_stderr_but_by_us(tmp_path):
         (tmp_path / name).write_bytes(content)
     file = tmp_path / "arm.urdf"
     file.write_text(robot_with(*BAD))
-    words = ["view", str(file), "--task", "wx,wz", "-o", str(tmp_path / "page.html")]
-    run = [sys.executable, "-m", "pinsing", *words]
-    done = subprocess.run(run, capture_output=True, text=True, timeout=120)
+    words = ["view", file, "--task", "wx,wz", "-o", tmp_path / "page.html"]
+    done = python("-m", "pinsing", *words, timeout=120)
     assert done.returncode == 0, done.stderr
     assert all(word not in done.stderr for word in ("Assimp", "assimp", "ERROR", "Traceback"))
     assert done.stderr.count("is not drawn") >= 3

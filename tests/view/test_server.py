@@ -21,6 +21,7 @@ from typing import Any
 
 import meshcat
 import pytest
+from command_line import soon, started
 
 from pinsing.view.server import _FAREWELL, Listener, Server, asset, meshcat_script, static_html
 
@@ -268,10 +269,7 @@ def test_links_without_number_are_dropped(monkeypatch: Any, caplog: Any) -> None
     assert [what_comes(link) for link in held[:3]] == [b""] * 3  # the oldest make room
     for link in held:
         link.close()
-    until = time.monotonic() + 10
-    while server._http is None or server._http._held:
-        assert time.monotonic() < until
-        time.sleep(0.01)
+    soon(lambda: server._http is not None and not server._http._held, 10)
     tabs = [Tab(server) for _ in range(7)]  # pages are counted by themselves
     assert raw(server, f"/{token(server)}/")[0] == 200
     for tab in tabs:
@@ -304,10 +302,7 @@ def test_half_open_links_lock_nobody_out_and_are_dropped(monkeypatch: Any) -> No
     for link in held:  # a slow one is dropped,
         what_comes(link)
     assert time.monotonic() - begun < 8
-    until = time.monotonic() + 5
-    while server._http is None or server._http._held:
-        assert time.monotonic() < until
-        time.sleep(0.01)
+    soon(lambda: server._http is not None and not server._http._held, 5)
     server.send({"shown": 1})  # a page is not
     assert [tab.read(), tab.read()] == [{"q": [0.5]}, {"shown": 1}]
     for link in (*held, tab.link):
@@ -357,8 +352,7 @@ def test_a_process_out_of_files_says_nothing_and_takes_up_again(monkeypatch: Any
 @pytest.fixture
 def command() -> Iterator[tuple[subprocess.Popen[str], SimpleNamespace]]:
     """A page shown by the command line, and its address and port."""
-    run = [sys.executable, "-m", "pinsing", "view", "scara", "--skeleton", "--no-open"]
-    process = subprocess.Popen(run, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = started("-m", "pinsing", "view", "scara", "--skeleton", "--no-open")
     url = process.stdout.readline().strip()
     yield process, SimpleNamespace(url=url, port=int(url.split(":")[2].split("/")[0]))
     process.kill()

@@ -4,8 +4,6 @@ import html
 import os
 import re
 import socket
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from arms import textbook, ur5
-from command_line import run
+from command_line import python, run
 from links import get
 from pages import baked
 from tiers import tiered
@@ -257,8 +255,7 @@ def test_a_viewer_brings_nothing_that_a_browser_would_wait_for_in_vain() -> None
         "assert not [name for name in late if name in sys.modules]\n"
     )
     root = Path(__file__).parents[2]
-    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    python("-c", code, cwd=root, check=True)
 
 
 def test_a_taken_port_is_passed_over_or_told() -> None:

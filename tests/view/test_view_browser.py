@@ -7,7 +7,6 @@ import io
 import math
 import signal
 import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from chromium import BLUE, PINK, near, open_page, picture, require_browser, show_only, text
+from command_line import started
 
 from pinsing import Monitor, closed_form, zones
 from pinsing.families.tube import Tube, TubeWidth
@@ -47,11 +47,10 @@ def static(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_a_running_robot_is_followed(page: Any) -> None:
-    run = [sys.executable, "-m", "pinsing", "view", "scara", "--skeleton", "--no-open"]
-    pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    words = ["-m", "pinsing", "view", "scara", "--skeleton", "--no-open", "--follow", "-", "--deg"]
     saying = "(t) => document.querySelector('#playing').textContent.includes(t)"
     standing = "(t) => Math.abs(window.pinsing?.view?.frame?.q[3] - t) < 1e-9"
-    with subprocess.Popen([*run, "--follow", "-", "--deg"], **pipes, text=True) as robot:
+    with started(*words, stdin=subprocess.PIPE) as robot:
         try:
             open_page(page, robot.stdout.readline().strip())
             for line, shows, what in (
