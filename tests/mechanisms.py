@@ -168,18 +168,3 @@ def paper_point(q1: float, q2: float) -> tuple[float, float]:
     h = f**2 - 2 * f * (R1 * np.cos(q1) - R3) - 2 * R1 * R3 * np.cos(q1) + R3**2 + R1**2 - R2**2
     y = (np.sqrt(g**2 - 4 * d * h) - g) / (2 * d)
     return e * y + f, y
-
-
-def paper_matrices(q1: float, q2: float) -> tuple[np.ndarray, np.ndarray]:
-    """(J_x, J_q) of paper Eq. (13), as printed."""
-    x, y = paper_point(q1, q2)
-    J_x = R1 * np.diag(
-        [y * np.cos(q1) - (x + R3) * np.sin(q1), y * np.cos(q2) + (-x + R3) * np.sin(q2)]
-    )
-    J_q = np.array(
-        [
-            [x + R3 - R1 * np.cos(q1), y - R1 * np.sin(q1)],
-            [x - R3 - R1 * np.cos(q2), y - R1 * np.sin(q2)],
-        ]
-    )
-    return J_x, J_q

@@ -14,7 +14,6 @@ from mechanisms import (
     cross,
     four_bar,
     from_model,
-    paper_matrices,
     paper_point,
     planar_tree,
     shipped,
@@ -75,37 +74,20 @@ def every() -> list[Mechanism]:
 # -- the model -----------------------------------------------------------------------------------
 
 
-def test_constraint_jacobians_equal_finite_differences_of_the_closure(rng):
+def test_jacobians_equal_finite_differences_of_closure_and_position(rng):
     for mechanism in every():
+        loops = Loops(mechanism)
         for q in random_closed(mechanism, 4, rng):
             G = Loops(mechanism).at(q)[1]
             numeric = differences(lambda x, m=mechanism: residual(m, x), q)
             np.testing.assert_allclose(G, numeric, atol=1e-8)
             assert np.abs(G).max() > 0.1
-
-
-@pytest.mark.parametrize("name", ["five_bar", "planar_3rrr"])
-def test_output_jacobian_equals_finite_differences_of_the_position(rng, name):
-    mechanism = shipped(name)
-    q = random_closed(mechanism, 3, rng)[0]
-    loops = Loops(mechanism)
-    numeric = differences(lambda x: np.array(loops.output(x)[0].translation)[:2], q)
-    np.testing.assert_allclose(Loops(mechanism).output(q)[1][:2], numeric, atol=1e-8)
+            if mechanism.task.rows[:2] == (0, 1):
+                numeric = differences(lambda x, o=loops.output: np.array(o(x)[0].translation), q)
+                np.testing.assert_allclose(loops.output(q)[1][:2], numeric[:2], atol=1e-8)
 
 
 # -- the paper's 5R ------------------------------------------------------------------------------
-
-
-def test_the_two_matrices_of_equation_13():
-    mechanism = shipped("five_bar")
-    A, B = leg_form(mechanism, home(mechanism))
-    J_x, J_q = paper_matrices(THIRD, THIRD)
-    sigma = np.linalg.svd(B, compute_uv=False)
-    np.testing.assert_allclose(sigma, np.linalg.svd(J_x, compute_uv=False), atol=1e-12)
-    assert sigma[-1] == pytest.approx(0.4714, abs=5e-5)
-    sigma = np.linalg.svd(A, compute_uv=False)
-    np.testing.assert_allclose(sigma, np.linalg.svd(J_q, compute_uv=False), atol=1e-12)
-    assert sigma[-1] == pytest.approx(0.8485, abs=5e-5)
 
 
 def test_input_output_relation_holds_along_real_motions(rng):
@@ -475,22 +457,6 @@ def test_files_of_example_parallel_robots_are_read_whole(tmp_path):
     assert mechanism.output == "P"
     assert any("names no output: taken is P" in note for note in mechanism.notes)
     assert ranks(mechanism).mobility == 2
-    # The coupler of the RSSR on a ball: it may spin about its own line besides.
-    text = """closed_loop: [[coupler_end, rocker_end]]
-type: ['3D']
-name_mot: ['crank', 'ball_x_Z']
-joint_name: ['ball_x', 'ball_y']
-joint_type: ['SPHERICAL', 'FIXED']
-"""
-    ball = load_mechanism(URDF / "rssr.urdf", write(tmp_path, text))
-    assert ball.joints == ("crank", "ball_x_X", "ball_x_Y", "ball_x_Z", "rocker")
-    assert ranks(ball).mobility == 2
-    universal = text.replace("SPHERICAL", "UJOINT_XY").replace(", 'ball_x_Z'", "")
-    cardan = load_mechanism(URDF / "rssr.urdf", write(tmp_path, universal))
-    assert ranks(cardan).mobility == 1
-    plain = load_mechanism(URDF / "rssr.urdf")
-    q = np.array([0.3, 0.2, -0.4, 0.7])
-    np.testing.assert_allclose(residual(cardan, q), residual(plain, q), atol=1e-12)
 
 
 @pytest.mark.parametrize(

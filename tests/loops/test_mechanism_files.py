@@ -47,16 +47,27 @@ def test_a_rod_between_two_balls_leaves_one_freedom(weld, tmp_path):
         assert np.linalg.norm(b - a) == pytest.approx(0.9, abs=1e-9)
 
 
-def test_a_rod_on_a_ball_that_the_loop_file_makes_spins(tmp_path):
-    """Joints that stand for no joint of the URDF are held as others are."""
+def test_joints_of_a_loop_file_stand_for_those_of_the_urdf(tmp_path):
+    """The coupler of the RSSR on a ball, whose spin is held or driven, or on a universal joint."""
     text = (URDF / "rssr.loops.yaml").read_text().partition("home:")[0]
-    path = tmp_path / "ball.loops.yaml"
-    path.write_text(text + "joint_name: [ball_x, ball_y]\njoint_type: [SPHERICAL, FIXED]\n")
-    mechanism, plain = (pinsing.load_mechanism(URDF / "rssr.urdf", x) for x in (path, None))
-    assert mechanism.joints == ("crank", "ball_x_X", "ball_x_Y", "rocker")
-    assert any("held at home is ball_x_Z" in note for note in mechanism.notes)
-    q = np.array([0.3, 0.2, -0.4, 0.7])
-    np.testing.assert_allclose(residual(mechanism, q), residual(plain, q), atol=1e-12)
+    path, q = tmp_path / "made.loops.yaml", np.array([0.3, 0.2, -0.4, 0.7])
+    plain = pinsing.load_mechanism(URDF / "rssr.urdf")
+    for kind, more, names, mobility in (
+        ("SPHERICAL", "", ["ball_x_X", "ball_x_Y"], 1),
+        ("SPHERICAL", ", ball_x_Z", ["ball_x_X", "ball_x_Y", "ball_x_Z"], 2),
+        ("UJOINT_XY", "", ["ball_x_X", "ball_x_Y"], 1),
+        ("UJOINT_ZY", "", ["ball_x_Z", "ball_x_Y"], None),
+        ("ujoint_yx", "", ["ball_x_Y", "ball_x_X"], None),
+    ):
+        kinds = f"joint_name: [ball_x, ball_y]\njoint_type: [{kind}, FIXED]\n"
+        path.write_text(text.replace("[crank]", f"[crank{more}]") + kinds)
+        made = pinsing.load_mechanism(URDF / "rssr.urdf", path)
+        assert made.joints == ("crank", *names, "rocker")
+        assert mobility in (None, ranks(made).mobility)
+        held = any("held at home is ball_x_Z" in note for note in made.notes)
+        assert held == (kind == "SPHERICAL" and not more)
+        if made.n == 4 and mobility:
+            np.testing.assert_allclose(residual(made, q), residual(plain, q), atol=1e-12)
 
 
 def test_a_pin_that_is_written_twice_turns_once(tmp_path):
@@ -107,19 +118,6 @@ def test_a_joint_that_mimics_another_is_driven_or_refused(tmp_path):
     path = written(tmp_path, joints, loop_text(loops, ["q1", "b2"], "e1", "vx, vy"), "other")
     with pytest.raises(JointError, match=r"q2.*mimics another joint.*or drive it \(name_mot\)"):
         pinsing.load_mechanism(path)
-
-
-def test_a_universal_joint_has_its_axes_in_either_order(tmp_path):
-    text = (URDF / "rssr.loops.yaml").read_text().partition("home:")[0]
-    text += "joint_name: [ball_x, ball_y]\njoint_type: [KIND, FIXED]\n"
-    for kind, names in (
-        ("UJOINT_ZY", ["ball_x_Z", "ball_x_Y"]),
-        ("ujoint_yx", ["ball_x_Y", "ball_x_X"]),
-    ):
-        path = tmp_path / f"{kind}.loops.yaml"
-        path.write_text(text.replace("KIND", kind))
-        mechanism = pinsing.load_mechanism(URDF / "rssr.urdf", path)
-        assert [n for n in mechanism.joints if n in names] == names
 
 
 def test_lengths_in_millimetres_are_suspected(tmp_path):
