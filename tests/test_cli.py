@@ -1,6 +1,5 @@
 """The command line as a user meets it."""
 
-import errno
 import json
 import os
 import re
@@ -17,7 +16,7 @@ from tiers import sampled, tiered
 from urdf_texts import LIMIT
 
 import pinsing
-from pinsing.atomic_write import check_writable, write_bytes, write_text
+from pinsing.atomic_write import check_writable, write_text
 from pinsing.cli.options import parse_numbers
 from pinsing.errors import ConfigurationError, OutputError
 from pinsing.kinematics.at import State
@@ -294,19 +293,6 @@ class TestText:
 
 
 class TestFiles:
-    def test_a_failed_write_leaves_the_old_file(self, tmp_path, monkeypatch):
-        path = tmp_path / "a.txt"
-        path.write_text("old")
-
-        def full(*_: object) -> None:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-        monkeypatch.setattr(os, "fsync", full)
-        with pytest.raises(OutputError, match=r"cannot write .*a\.txt: No space left on device"):
-            write_bytes(path, b"half")
-        assert path.read_text() == "old"
-        assert list(tmp_path.iterdir()) == [path]
-
     def test_mode_and_links_are_kept(self, tmp_path):
         real, link = tmp_path / "real.txt", tmp_path / "link.txt"
         real.write_text("old")

@@ -50,10 +50,6 @@ def compare(root):
     return len(files) - len(refused), refused
 
 
-def package_folder(name: str) -> Path:
-    return Path(str(pytest.importorskip(name).__file__)).parent
-
-
 @pytest.mark.slow
 def test_example_robot_data():
     folder = data_folder()
@@ -81,7 +77,7 @@ LACKING = {
 
 @pytest.mark.slow
 def test_robotics_toolbox():
-    same, reasons = compare(package_folder("rtbdata") / "xacro")
+    same, reasons = compare(Path(pytest.importorskip("rtbdata").__file__).parent / "xacro")
     assert (same, sorted(reasons)) == (45, sorted(LACKING))
     for name, package in LACKING.items():
         assert f"package {package!r} not found" in reasons[name]

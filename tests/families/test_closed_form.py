@@ -219,22 +219,6 @@ def test_limits_of_a_slider_hide_no_family(low: float, high: float, word: str) -
     assert (inside[:, 1] <= high + 1e-9).all()
 
 
-@pytest.mark.slow
-def test_components_without_real_points_are_dropped() -> None:
-    form = closed("panda")
-    assert form.dropped == 1
-    assert form.complete
-    arm = build(  # the tip cannot come back to the first axis: 0.5 + 0.2 cos q2 > 0
-        [Joint(), Joint(R, 0.5)], (0.2, 0.0, 0.0), "position"
-    )
-    assert not closed_form(arm).families
-    near = build([Joint(), Joint(R, 0.2)], (0.5, 0.0, 0.0), "position")
-    (family,) = closed_form(near).families
-    np.testing.assert_allclose(
-        sorted(abs(v) for b in family.values for v in b.values()), [np.arccos(-0.4)] * 2
-    )
-
-
 def test_lengths_snapped_away_may_lower_the_rank() -> None:
     arm = build([Joint(), Joint(a=0.001), Joint(R, 0.3)], (0.3, 0.0, 0.0))
     assert closed_form(arm).generic_rank == 3

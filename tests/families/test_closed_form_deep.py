@@ -14,6 +14,8 @@ from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
 from pinsing.sampling.analyze import analyze
 
+pytestmark = pytest.mark.slow
+
 CHAINS = {
     "talos and its gripper": ("talos_full_v2", "gripper_left_motor_double_link", "torso_2_link"),
     "baxter and its finger": ("baxter", "l_gripper_l_finger_tip", None),
@@ -35,7 +37,6 @@ def chain(name):
     return arm, closed_form(arm, seconds=60)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", tiered(["ur5", "z1", "irb1400", "so101", "surgical7"], ("irb1400",))
 )
@@ -49,7 +50,6 @@ def test_positions_are_complete(name):
     check_beside(arm, form, 10, share=0.5)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", CHAINS)
 def test_chains_of_eight_joints_are_complete(name):
     arm, form = chain(name)
@@ -71,7 +71,6 @@ def nine(name):
     return load(next(data_folder().rglob(robot)) if "." in robot else robot, tip=tip)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", NINE)
 def test_nine_joints_are_complete_by_a_count(name):
     arm = nine(name)
@@ -94,14 +93,12 @@ def test_nine_joints_are_complete_by_a_count(name):
     assert check_search(arm, form, 30, tol=1e-4) >= 20
 
 
-@pytest.mark.slow
 def test_nine_joints_end_in_time_and_say_what_stopped_them():
     form = closed_form(nine("alex, torso and arm"), seconds=0.3)
     assert not form.complete
     assert any("budget of" in g or "told apart" in g for g in form.gaps)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "tip", "base"),
     [

@@ -130,16 +130,6 @@ def test_an_offset_is_exact_or_said(angle):
     assert all(s.size < 1e-11 for s in snaps)
 
 
-@pytest.mark.slow
-def test_a_gripper_of_pr2_with_its_arm():
-    arm = load("pr2", tip="l_gripper_l_finger_tip_link", base="torso_lift_link")
-    assert arm.n == 8
-    assert arm.coupling is not None
-    form = closed_form(arm)
-    assert len(form.families) == 7
-    assert check_all(arm, form) > 20
-
-
 def test_a_trajectory_across_a_family_gets_its_verdict(tmp_path):
     (tmp_path / "coupled.urdf").write_text(finger(mimic=follows(2, 1)).source.xml)
     (tmp_path / "a.csv").write_text("j1,j2\n0,-0.5\n0,0.5\n")

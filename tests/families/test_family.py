@@ -112,12 +112,6 @@ def test_a_family_without_real_points_says_so() -> None:
     assert len(empty.points(3, np.random.default_rng(1))) == 0
 
 
-def _arm(lower: float, upper: float, offset: float) -> pinsing.Arm:
-    """A turn and a slide along x; the tip is on the axis where d2 = -offset."""
-    joints = [(pin.JointModelRZ(), place(), -3, 3), (pin.JointModelPX(), place(), lower, upper)]
-    return pinsing.load(serial(joints, place((offset, 0, 0))), tip="tip", task="vx,vy")
-
-
 @pytest.mark.parametrize(
     ("lower", "upper", "offset", "reached"),
     [
@@ -128,7 +122,9 @@ def _arm(lower: float, upper: float, offset: float) -> pinsing.Arm:
 def test_a_value_beyond_the_drawn_range_is_reached_where_no_limit_ends_it(
     lower, upper, offset, reached
 ):
-    arm = _arm(lower, upper, offset)
+    """A turn and a slide along x; the tip is on the axis where d2 = -offset."""
+    joints = [(pin.JointModelRZ(), place(), -3, 3), (pin.JointModelPX(), place(), lower, upper)]
+    arm = pinsing.load(serial(joints, place((offset, 0, 0))), tip="tip", task="vx,vy")
     (family,) = pinsing.closed_form(arm).families
     assert family.reachability.name == ("INSIDE" if reached else "OUTSIDE")
     q = np.array([0.3, -offset])

@@ -56,12 +56,11 @@ def test_the_oracle_of_real_points_moves_as_pinocchio_does():
         J = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
         pin.updateFramePlacements(model, data)
         turned = data.oMf[frame].rotation[:, :2].T @ J[3:]
-        J = np.concatenate([J[:3], turned]) if spec.task == "tool-axis" else J[_rows(spec.task)]
+        if spec.task == "tool-axis":
+            J = np.concatenate([J[:3], turned])
+        else:
+            J = J[list(parse_task(spec.task).rows)]
         assert points.jacobians(spec, q[None])[0] == pytest.approx(J, abs=1e-12)
-
-
-def _rows(task: str) -> list[int]:
-    return list(parse_task("pose" if task == "tool-axis" else task).rows)
 
 
 @pytest.mark.parametrize(

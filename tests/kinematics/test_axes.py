@@ -194,14 +194,6 @@ def test_mimic_joints_have_no_axis_of_their_own():
 # Ranks of all sets of columns ------------------------------------------------------------
 
 
-def ranks_of(name: str, q: list[float]) -> ColumnRanks:
-    arm = exact(name)
-    generic = [own_scale(arm).apply(arm, frame_jacobian(arm, p), p) for p in GENERIC[:, : arm.n]]
-    return ColumnRanks(
-        arm, frame_jacobian(arm, q), np.array(q), 1e-8, np.array(generic), tuple(range(arm.n))
-    )
-
-
 GENERIC = np.random.default_rng(5).uniform(-3, 3, (4, 7))
 
 
@@ -219,7 +211,10 @@ def test_ranks_of_all_sets_are_those_of_each(name, q, compiled, monkeypatch):
     """All sets at once, with or without the kernel, and each set by LAPACK."""
     if not compiled:
         monkeypatch.setattr("pinsing._batch.engine._missing", "not installed")
-    found = ranks_of(name, q)
+    arm = exact(name)
+    generic = [own_scale(arm).apply(arm, frame_jacobian(arm, p), p) for p in GENERIC[:, : arm.n]]
+    J, every = frame_jacobian(arm, q), tuple(range(arm.n))
+    found = ColumnRanks(arm, J, np.array(q), 1e-8, np.array(generic), every)
     for size in range(1, len(q) + 1):
         for ids in itertools.combinations(range(len(q)), size):
             sigma = np.linalg.svd(found.J[:, ids], compute_uv=False)

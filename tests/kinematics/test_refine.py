@@ -119,10 +119,6 @@ def test_wrong_input():
         refine_many(arm, np.zeros((3, 6)), fixed=np.zeros((2, 6), dtype=bool))
 
 
-def in_numpy(monkeypatch):
-    monkeypatch.setattr(kernel, "walks_covered", lambda *given: False)
-
-
 @pytest.mark.skipif(not kernel.available(), reason="no compiled kernel")
 @pytest.mark.parametrize("name", sampled(ARMS))
 def test_compiled_walks_are_those_in_numpy(name, rng, monkeypatch):
@@ -132,7 +128,7 @@ def test_compiled_walks_are_those_in_numpy(name, rng, monkeypatch):
     Q[::2] = np.clip(Q[::2], arm.lower, arm.upper)
     free = rng.random(Q.shape) < 0.7
     ends = [approach(arm, Q, free), approach(arm, Q[::2], bounded=True)]
-    in_numpy(monkeypatch)
+    monkeypatch.setattr(kernel, "walks_covered", lambda *given: False)
     for ours, theirs in zip(
         ends, [approach(arm, Q, free), approach(arm, Q[::2], bounded=True)], strict=True
     ):

@@ -24,6 +24,8 @@ from pinsing.loops.motion import assembly_sign
 from pinsing.robot.mechanism import Loop, Mechanism
 from pinsing.view.mechanism_viewer import groups, linkage_sizes
 
+pytestmark = needs_node
+
 SHIPPED = ["five_bar", "four_bar", "planar_3rrr"]
 WORDS = {
     ("planar_3rrr", "type 2"): "center turns about z through (",
@@ -79,7 +81,6 @@ def closed(mechanism: Mechanism, count: int) -> list[np.ndarray]:
     return found
 
 
-@needs_node
 @pytest.mark.parametrize("name", tiered(EVERY, {"five_bar"}))
 def test_frames_measures_and_verdicts_agree(name: str) -> None:
     """Loops of all three kinds, sliding joints; what is singular is among them."""
@@ -126,7 +127,6 @@ def test_frames_measures_and_verdicts_agree(name: str) -> None:
 
 
 @pytest.mark.slow
-@needs_node
 @pytest.mark.parametrize("name", tiered(SHIPPED, ("five_bar",)))
 def test_what_is_shown_is_what_python_says(name: str) -> None:
     """Lost and free motions in words, joints to blame, ellipses; at each singular point."""
@@ -161,7 +161,6 @@ def test_what_is_shown_is_what_python_says(name: str) -> None:
 
 
 @pytest.mark.slow
-@needs_node
 @pytest.mark.parametrize("name", tiered(SHIPPED, {"five_bar"}))
 def test_lost_wrenches_do_no_work_and_free_motions_need_no_motor(name: str) -> None:
     mechanism = shipped(name)
@@ -194,7 +193,6 @@ def test_lost_wrenches_do_no_work_and_free_motions_need_no_motor(name: str) -> N
 
 
 @pytest.mark.slow
-@needs_node
 @pytest.mark.parametrize("name", tiered(EVERY, FEW[:1]))
 def test_driving_follows_the_same_mode_as_far(name: str) -> None:
     mechanism = mechanism_of(name)
@@ -217,7 +215,6 @@ def test_driving_follows_the_same_mode_as_far(name: str) -> None:
 
 
 @pytest.mark.slow
-@needs_node
 @pytest.mark.parametrize("name", tiered(EVERY, FEW[:1]))
 def test_a_range_ends_where_driving_does(name: str) -> None:
     mechanism = mechanism_of(name)
@@ -243,7 +240,6 @@ def test_a_range_ends_where_driving_does(name: str) -> None:
         assert set(np.round(ends, 9)) <= set(np.round([here["lower"], here["upper"]], 9))
 
 
-@needs_node
 @pytest.mark.parametrize("name", tiered(EVERY, FEW[:1]))
 def test_modes_agree(name: str) -> None:
     mechanism = mechanism_of(name)
@@ -276,7 +272,6 @@ def test_modes_agree(name: str) -> None:
 
 
 @pytest.mark.slow
-@needs_node
 @pytest.mark.parametrize("name", tiered(SHIPPED, ("five_bar",)))
 def test_singular_points_are_refined_to_the_same_place(name: str) -> None:
     mechanism = shipped(name)
@@ -304,7 +299,6 @@ def test_singular_points_are_refined_to_the_same_place(name: str) -> None:
 
 
 @pytest.mark.slow
-@needs_node
 @pytest.mark.parametrize("name", tiered(SHIPPED, ("four_bar",)))
 def test_paths_lead_into_singularities_and_along_them(name: str) -> None:
     mechanism = shipped(name)
@@ -336,7 +330,6 @@ def test_paths_lead_into_singularities_and_along_them(name: str) -> None:
     assert played >= (3 if len(mechanism.inputs) > 1 else 0)
 
 
-@needs_node
 def test_of_type_3_there_is_no_way_along():
     mechanism = shipped("five_bar")
     point = {"q": home(mechanism), "kind": "type 3", "moving": 0}
@@ -344,7 +337,6 @@ def test_of_type_3_there_is_no_way_along():
 
 
 @pytest.mark.slow
-@needs_node
 @pytest.mark.parametrize("name", tiered(EVERY, FEW[1:]))
 def test_the_healthiest_pose_is_within_limits_and_regular(name: str) -> None:
     mechanism = mechanism_of(name)
@@ -360,7 +352,6 @@ def test_the_healthiest_pose_is_within_limits_and_regular(name: str) -> None:
 
 
 @pytest.mark.slow
-@needs_node
 def test_whole_turns_are_left_out_and_what_is_too_far_is_refused() -> None:
     """A link that asks for a million radians once took minutes of steps."""
     mechanism = slider_crank()
@@ -386,7 +377,6 @@ def test_whole_turns_are_left_out_and_what_is_too_far_is_refused() -> None:
             assert q == pytest.approx(home(mechanism))
 
 
-@needs_node
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["gough_stewart", "rps3"])
 def test_a_gimbal_lock_of_a_file_s_ball_is_judged_as_in_python(name: str) -> None:

@@ -92,18 +92,13 @@ def test_every_true_zero_is_marked_with_the_arm_alone() -> None:
 # Map --------------------------------------------------------------------------------
 
 
-def contours(ax: Axes) -> np.ndarray:
-    """All vertices of all contour lines (N, 2)."""
-    paths = [p for c in ax.collections if isinstance(c, ContourSet) for p in c.get_paths()]
-    return np.concatenate([p.vertices for p in paths if len(p.vertices)])
-
-
 @pytest.mark.slow
 def test_the_curve_of_the_puma_lies_in_the_valley() -> None:
     arm = textbook("puma560")
     q = np.array([0.0, 0.0, 0.0, 0.4, 1.0, 0.0])
     ax = plot.sigma_plane(arm, "q2", "q3", q=q, samples=81)
-    points = contours(ax)
+    paths = [p for c in ax.collections if isinstance(c, ContourSet) for p in c.get_paths()]
+    points = np.concatenate([p.vertices for p in paths if len(p.vertices)])
     assert len(points) > 40
     Q = np.tile(q, (len(points), 1))
     Q[:, 1:3] = points

@@ -196,11 +196,6 @@ def written(file, T):
     return file
 
 
-def spinning(arm, turns, q):
-    """Poses from that of q on, turned about the last joint's axis, which is the tip's z."""
-    return poses_of(arm, q) @ np.array([turned(a) for a in np.linspace(0, 2 * np.pi * turns, 40)])
-
-
 @pytest.mark.parametrize(
     ("turns", "start", "reached"),
     [
@@ -213,7 +208,9 @@ def spinning(arm, turns, q):
 def test_a_path_within_two_turns_of_a_joint(ur5, turns, start, reached):
     arm, form = ur5
     first = None if start is None else np.append(START[:5], start)
-    T = spinning(arm, turns, START if first is None else first)
+    # Turned about the last joint's axis, which is the tip's z.
+    spin = np.array([turned(a) for a in np.linspace(0, 2 * np.pi * turns, 40)])
+    T = poses_of(arm, START if first is None else first) @ spin
     plan = plan_path(form, T, arm=arm, start=first)
     assert bool(len(plan.q)) == reached
     assert ("winds wrist_3_joint beyond its limits" in plan.reason) != reached

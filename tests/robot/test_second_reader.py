@@ -45,11 +45,6 @@ def planar(length: str = "0.3", kind: str = "revolute", upper: str = "2", last: 
     return pinsing.load(f'<robot name="planar">{links}{inside}</robot>', task="vx,vy")
 
 
-def with_text_of(arm: Arm, other: Arm) -> Arm:
-    """An arm whose model says one thing and whose file says another, as by a reader's fault."""
-    return replace(arm, source=replace(arm.source, shapes=other.source.shapes))
-
-
 @pytest.mark.parametrize(
     ("other", "said"),
     [
@@ -60,7 +55,9 @@ def with_text_of(arm: Arm, other: Arm) -> Arm:
     ],
 )
 def test_what_differs_is_said(other: dict[str, str], said: str) -> None:
-    found = second_reading(with_text_of(planar(), planar(**other)))
+    # The model says one thing and the file another, as by a reader's fault.
+    source = replace(planar().source, shapes=planar(**other).source.shapes)
+    found = second_reading(replace(planar(), source=source))
     assert said in str(found)
     assert "DIFFERS" in str(found)
     assert second_reading(planar()).differences == ()

@@ -18,12 +18,6 @@ from pinsing.sampling.tally import Pool, minima
 SWEEP = sys.modules[run_sweep.__module__]  # the package has a function of that name
 
 
-@pytest.fixture
-def small_keep(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Anything at all is too large to be part of a result."""
-    monkeypatch.setattr(SWEEP, "KEEP_BYTES", 1000)
-
-
 @pytest.fixture(scope="module")
 def surgical() -> SweepResult:
     return sweep(arms.textbook("surgical7"))
@@ -191,8 +185,8 @@ def test_few_candidates_are_the_same_however_it_is_cut(tmp_path: Path) -> None:
 # ---- curves too large for a result
 
 
-@pytest.mark.usefixtures("small_keep")
-def test_curves_that_are_not_kept(tmp_path: Path) -> None:
+def test_curves_that_are_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(SWEEP, "KEEP_BYTES", 1000)  # anything at all is too large for a result
     arm = arms.textbook("stanford")
     result = sweep(arm, levels=1, samples=41)
     assert result.curves == ()

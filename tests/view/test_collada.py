@@ -107,15 +107,10 @@ def test_what_is_not_plain_is_refused(text: str) -> None:
         read(text)
 
 
-def dae_files(name: str) -> list[Path]:
-    links = read_links(pinsing.load(name))
-    files = {Path(g.meshPath) for g in links.geometry.geometryObjects}
-    return sorted(f for f in files if f.suffix == ".dae")
-
-
 @pytest.mark.slow
 def test_meshes_of_robots_are_those_that_assimp_reads() -> None:
-    files = dae_files("panda")[:2]
+    shapes = read_links(pinsing.load("panda")).geometry.geometryObjects
+    files = sorted({Path(g.meshPath) for g in shapes if g.meshPath.endswith(".dae")})[:2]
     assert len(files) == 2
     for file in files:
         parts = read_collada(file.read_bytes())
@@ -134,12 +129,6 @@ def test_meshes_of_robots_are_those_that_assimp_reads() -> None:
         )
 
 
-def read_painted(file: Path) -> tuple[Painted, ...]:
-    mesh = read_meshes([file])[file]
-    assert not isinstance(mesh, str), mesh
-    return mesh
-
-
 def test_a_cache_of_something_else_is_not_taken(tmp_path, monkeypatch):
     monkeypatch.setenv("PINSING_CACHE", str(tmp_path / "cache"))
     file = tmp_path / "square.dae"
@@ -149,7 +138,7 @@ def test_a_cache_of_something_else_is_not_taken(tmp_path, monkeypatch):
     strangers = [b"x", whole[:-30], packed([one]), packed([(one.ravel(), *others)])]
     for data in [*strangers, packed([(*read(collada())[0][:4], np.array([np.nan]))])]:
         monkeypatch.setattr(meshes, "kept", lambda file, data=data: meshes.unpacked(data))
-        (part,) = read_painted(file)
+        (part,) = read_meshes([file])[file]
         assert len(part.faces) == 2
 
 

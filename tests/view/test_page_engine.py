@@ -24,6 +24,8 @@ from pinsing.view.scene import sizes
 from pinsing.view.server import engine_script
 from pinsing.view.viewer import Entry, engine_data, equation_data, family_entries
 
+pytestmark = needs_node
+
 Floats = NDArray[np.float64]
 
 MIMIC = urdf([
@@ -66,7 +68,6 @@ ARMS = ("ur5", "stanford", "surgical7", "panda", "kinova", "scara", "mimic")
 ODD = ("stanford at 3e8", "stanford vz,wx at 1e-3", "planar3r vx", "planar3r position at 3e8")
 
 
-@needs_node
 @pytest.mark.parametrize("name", tiered(ARMS + ODD, ("mimic",)))
 def test_frames_singular_values_and_verdicts_agree(name: str, tmp_path: Path) -> None:
     arm = arm_of(name, tmp_path)
@@ -100,7 +101,6 @@ def test_frames_singular_values_and_verdicts_agree(name: str, tmp_path: Path) ->
 
 
 @pytest.mark.slow
-@needs_node
 @pytest.mark.parametrize("name", tiered(ARMS, ("stanford",)))
 def test_what_is_shown_is_what_python_shows(name: str, tmp_path: Path) -> None:
     arm = arm_of(name, tmp_path)
@@ -145,7 +145,6 @@ def test_what_is_shown_is_what_python_shows(name: str, tmp_path: Path) -> None:
         assert mine["on"] == (value <= 1e-7)
 
 
-@needs_node
 def test_a_tip_that_cannot_move_has_no_speed() -> None:
     data, _ = engine(load("planar3r", task="vx"))
     data["speeds"] = {"basis": [[1]], "linear": [True], "limits": [1, 1, 1], "asked": [0.2, 0.5]}
@@ -159,7 +158,6 @@ def nearest(entries: Sequence[Entry], q: Floats) -> float:
     return min(float(f.distance(q).value) for f in reached)
 
 
-@needs_node
 @pytest.mark.parametrize("name", tiered(["ur5", "puma560", "panda"], ("puma560",)))
 def test_the_lower_bound_is_never_too_long(name: str) -> None:
     arm = load(name)
@@ -188,7 +186,6 @@ TRIED = """(m, {text, joints}) => {
 
 
 @pytest.mark.slow
-@needs_node
 def test_a_path_is_read_as_it_stands() -> None:
     texts = [
         "1,2\n3,4\n",
@@ -204,7 +201,6 @@ def test_a_path_is_read_as_it_stands() -> None:
 
 
 @pytest.mark.slow
-@needs_node
 def test_what_a_path_crosses_between_its_samples_is_said() -> None:
     data, _ = engine(load("stanford"))
     wrist = next(f for f in data["families"] if f["branches"][0]["values"])
@@ -237,7 +233,6 @@ def test_what_a_path_crosses_between_its_samples_is_said() -> None:
 
 
 @pytest.mark.slow
-@needs_node
 @pytest.mark.parametrize("name", tiered(["ur5", "stanford", "panda", "scara"], ("scara",)))
 def test_paths_lead_in_and_along(name: str) -> None:
     arm = load(name)
@@ -264,7 +259,6 @@ def test_paths_lead_in_and_along(name: str) -> None:
 
 
 @pytest.mark.slow
-@needs_node
 def test_ticks_are_where_a_family_is_met_by_one_joint() -> None:
     arm = textbook("puma560")
     data, entries = engine(arm)
@@ -291,7 +285,6 @@ def test_ticks_are_where_a_family_is_met_by_one_joint() -> None:
     assert ticks > 6
 
 
-@needs_node
 def test_singular_values_of_hard_matrices() -> None:
     rng = np.random.default_rng(2)
     cases: list[Floats] = [
@@ -311,7 +304,6 @@ def test_singular_values_of_hard_matrices() -> None:
         np.testing.assert_allclose(U @ U.T, np.eye(len(A)), atol=1e-13)
 
 
-@needs_node
 def test_the_bundle_is_the_modules() -> None:
     """A script that says `Engine`; pages in a browser run it, too."""
     said = "[Object.keys(Engine), Engine.svd([[3, 0], [0, 4]]).sigma]"
@@ -321,7 +313,6 @@ def test_the_bundle_is_the_modules() -> None:
     assert sigma == [4, 3]
 
 
-@needs_node
 def test_what_is_said_of_the_distance_is_no_more_than_is_known() -> None:
     """Several equations: what is found is an upper bound, which the words call one."""
     data = {"joints": [{"prismatic": False}] * 2, "task": {"lengthScale": 1}}
@@ -353,7 +344,6 @@ def test_what_is_said_of_the_distance_is_no_more_than_is_known() -> None:
     assert found[3]["text"] == "17.2° from F1: here"
 
 
-@needs_node
 def test_equations_that_hold_at_once_bound_the_distance_together() -> None:
     """By each of them alone it is 0.652 to 0.668 with as much work."""
     both = [wave([[4, 4, 2, 2, 2]], [0], [1]), wave([[4, 2, 4, 2, -2]], [0], [1])]
@@ -366,7 +356,6 @@ def test_equations_that_hold_at_once_bound_the_distance_together() -> None:
     assert found["value"] == pytest.approx(0.668069, abs=1e-6)
 
 
-@needs_node
 @pytest.mark.parametrize("name", tiered(["ur5", "puma560", "surgical7", "panda"], ("puma560",)))
 def test_the_distance_is_that_which_the_program_proves(name: str) -> None:
     arm = load(name)
@@ -384,7 +373,6 @@ def test_the_distance_is_that_which_the_program_proves(name: str) -> None:
 
 
 @pytest.mark.slow
-@needs_node
 def test_only_singular_poses_count_where_equations_hold_at_others_too() -> None:
     """sin(q1) sin(q5) = 0 holds at q1 = 0, where the arm is regular."""
     arm = load("ur5")
@@ -408,7 +396,6 @@ def test_only_singular_poses_count_where_equations_hold_at_others_too() -> None:
 
 
 @pytest.mark.slow
-@needs_node
 def test_a_path_in_degrees_is_refused() -> None:
     limits = {"prismatic": False, "lower": -3.0, "upper": 3.0}
     joints = [{"name": "a", **limits}, {"name": "b", **limits, "lower": None, "upper": None}]
@@ -417,7 +404,6 @@ def test_a_path_in_degrees_is_refused() -> None:
     assert run(TRIED, {"text": "7,400", "joints": joints}) == [[7, 400]]  # outside; without limits
 
 
-@needs_node
 def test_what_is_lost_is_told_from_what_is_missing_everywhere(tmp_path: Path) -> None:
     """Four joints: two motions are missing everywhere, and a third where the arm is singular."""
     path = tmp_path / "four.dh.yaml"
@@ -429,9 +415,8 @@ def test_what_is_lost_is_told_from_what_is_missing_everywhere(tmp_path: Path) ->
     rng = np.random.default_rng(6)
     singular = entries[0].family.sample(3, rng)
     Q = [*singular, *rng.uniform(arm.lower, arm.upper, (3, arm.n))]
-    found = run(
-        "(m, {data, Q}) => Q.map((q) => m.frameAt(data, q))", {"data": data, "Q": rows_of(Q)}
-    )
+    asked = {"data": data, "Q": [q.tolist() for q in Q]}
+    found = run("(m, {data, Q}) => Q.map((q) => m.frameAt(data, q))", asked)
     for q, here in zip(Q, found, strict=True):
         assert here["mixed"] == 0
         assert len(here["always"]) == 2
@@ -453,11 +438,6 @@ def test_what_is_lost_is_told_from_what_is_missing_everywhere(tmp_path: Path) ->
         assert min(off) > 1e-5
 
 
-def rows_of(Q: list[Floats]) -> list[list[float]]:
-    return [q.tolist() for q in Q]
-
-
-@needs_node
 def test_the_nearest_singular_pose_is_singular_and_within_the_limits() -> None:
     arm = load("stanford")
     data, entries = engine(arm)
