@@ -31,13 +31,14 @@ from pinsing.kinematics.jacobian import (
 )
 from pinsing.kinematics.lost_motion import (
     DEPENDENCE_RTOL,
+    STRUCTURE_TOL,
     AxisDependence,
     JointAxes,
     LostMotion,
     Tool,
+    arm_centres,
     axis_name,
     dependences_of,
-    landmarks,
     lost_motions,
     vector,
 )
@@ -526,7 +527,10 @@ def loss_at(arm: Arm, q: Array, rtol: float = SINGULAR_RTOL, near_rtol: float = 
         missing = np.linalg.qr(missing)[0]
     hardly = status == NEAR_SINGULAR
     (axes,) = JointAxes.each(J[None], arm.prismatic, position)
-    tool = replace(tool, landmarks=landmarks(arm, axes))
+    centres = {
+        c.short: axes.meeting_point(c.ids, STRUCTURE_TOL) for c in arm_centres(arm) if c.short
+    }
+    tool = replace(tool, landmarks={f"the {c}": p for c, p in centres.items() if p is not None})
     tol = max(PRACTICAL, min(3 * ratio, 0.05)) if hardly else PRACTICAL
     return replace(
         found,

@@ -8,11 +8,10 @@ a screw (J. K. Davidson and K. H. Hunt, "Robots and Screw Theory", 2004).
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain, combinations
+from itertools import combinations
 
 import numpy as np
 
@@ -75,9 +74,9 @@ class JointAxes:
         first = self.direction[ids[0]]
         return all(length(cross(first, self.direction[i])) <= tol for i in ids[1:])
 
-    def distance(self, i: int, point: Array) -> float:
-        """Distance of a point (3,) from turning axis i, metres."""
-        return length(cross(self.direction[i], point - self.point[i]))
+    def pass_through(self, ids: Sequence[int], point: Array, tol: float) -> bool:
+        """Return True if all these turning axes pass through a point (3,)."""
+        return bool((np.linalg.norm(self.twists(ids, point)[:, :3], axis=1) <= tol).all())
 
     def meeting_point(self, ids: Sequence[int], tol: float) -> Array | None:
         """Return the point (3,) that all these turning axes pass through, if there is one."""
@@ -88,13 +87,12 @@ class JointAxes:
             return None
         across = p - (p * z).sum(axis=1, keepdims=True) * z
         point = self.tip + V @ (V.T @ across.sum(axis=0) / values)
-        return point if all(self.distance(i, point) <= tol * self.size for i in ids) else None
+        return point if self.pass_through(ids, point, tol) else None
 
     def in_one_plane(self, ids: Sequence[int], tol: float, *points: Array) -> bool:
         """Return True if these turning axes, and the given points (3,), lie in one plane."""
-        start = self.point[ids[0]]
-        others = [p - start for p in (*self.point[list(ids)], *points)]
-        spanned = np.array([*self.direction[list(ids)], *(p / self.size for p in others)])
+        apart = np.array([*self.point[list(ids)], *points]) - self.point[ids[0]]
+        spanned = np.concatenate([self.direction[list(ids)], apart / self.size])
         return bool(np.linalg.svd(spanned, compute_uv=False)[2] <= tol)
 
     def twists(self, ids: Sequence[int], point: Array) -> Array:
@@ -116,14 +114,7 @@ class AxesCentre:
     """Three turning axes in a row (``ids``) that meet in one point at every configuration."""
 
     ids: tuple[int, ...]
-    n: int
-
-    @property
-    def short(self) -> str:
-        """``wrist centre``, ``shoulder centre``, or empty for one in the middle."""
-        if self.ids[-1] == self.n - 1:
-            return "wrist centre"
-        return "shoulder centre" if self.ids[0] == 0 else ""
+    short: str  # ``wrist centre``, ``shoulder centre``, or empty for one in the middle
 
     def named(self) -> str:
         """``the wrist centre (where axes 4, 5 and 6 meet)``."""
@@ -148,196 +139,18 @@ def _are(what: str, ids: Sequence[int], one: str = "is", many: str = "are") -> s
     return f"{'axes' if what == 'axis' else what + 's'} {numbers(ids)} {many}"
 
 
-def dependent(
-    ids: Sequence[int], nearly: str = "", who: str = "the tip", how: str = "at rest"
-) -> str:
-    """Say no more than what it means that columns are linearly dependent."""
-    return f"{joints_of(ids)} can move together with {who} {nearly}{how}"
-
-
-def pose_reason(
-    axes: JointAxes,
-    ids: tuple[int, ...],
-    centres: Sequence[AxesCentre],
-    tol: float,
-    nearly: str = "",
-) -> str:
-    """Return why axes ``ids``, the smallest set of dependent twists, are dependent."""
-    # ``tol`` is in radians, and a share of the arm's size; ``nearly`` is empty or "nearly ".
-    turning = tuple(i for i in ids if not axes.prismatic[i])
-    sliding = tuple(i for i in ids if axes.prismatic[i])
-    reason = None
-    if len(ids) == 1:  # beside a slide of kilometres
-        pass
-    elif not sliding:
-        reason = _of_turning(axes, ids, centres, tol, nearly)
-    elif not turning:
-        words = "parallel" if axes.parallel(ids, tol) else "parallel to one plane"
-        reason = f"prismatic joints {numbers(ids)} are {nearly}{words}"
-    elif axes.parallel(turning, tol) and len(turning) > 1:
-        reason = _parallel_and_sliding(axes, turning, sliding, tol, nearly)
-    return (
-        reason
-        or _through_a_centre(axes, ids, centres, tol, nearly)
-        or reciprocal_reason(axes, ids, tol, nearly)
-        or dependent(ids, nearly)
-    )
-
-
-def _of_turning(
-    axes: JointAxes, ids: tuple[int, ...], centres: Sequence[AxesCentre], tol: float, nearly: str
-) -> str | None:
-    several = f"axes {numbers(ids)}"
-    flat = axes.in_one_plane(ids, tol)
-    if axes.parallel(ids, tol):
-        if all(axes.distance(ids[0], axes.point[i]) <= tol * axes.size for i in ids[1:]):
-            return f"{several} are {nearly}collinear"
-        if flat:
-            return f"{several} are parallel and lie {nearly}in one plane"
-        return f"{several} are {nearly}parallel"
-    if axes.meeting_point(ids, tol) is not None:
-        for centre in centres:
-            rest = sorted(set(ids) - set(centre.ids))
-            if set(centre.ids) < set(ids) and len(rest) == 1:
-                return f"{centre.named()} lies {nearly}on axis {numbers(rest)}"
-        if flat and len(ids) == 3:
-            return f"{several} meet in one point and lie {nearly}in one plane"
-        return f"{several} {nearly}meet in one point"
-    return f"{several} lie {nearly}in one plane" if flat and len(ids) > 3 else None
-
-
-def _parallel_and_sliding(
-    axes: JointAxes, turning: tuple[int, ...], sliding: tuple[int, ...], tol: float, nearly: str
-) -> str | None:
-    z = axes.direction[turning[0]]
-    if (np.abs(axes.direction[list(sliding)] @ z) > tol).any():
-        return None
-    across = f"{_are('prismatic joint', sliding)} {nearly}perpendicular to"
-    if len(turning) == 2 and len(sliding) == 1:
-        apart = axes.point[turning[1]] - axes.point[turning[0]]
-        if abs(axes.direction[sliding[0]] @ (apart - (apart @ z) * z)) <= tol * axes.size:
-            return f"{across} the plane of axes {numbers(turning)}"
-        return None
-    return f"{_are('axis', turning)} parallel and {across} them"
-
-
-def _through_a_centre(
-    axes: JointAxes, ids: tuple[int, ...], centres: Sequence[AxesCentre], tol: float, nearly: str
-) -> str | None:
-    """With all turns about a centre at hand, the others must move the centre independently."""
-    for centre in centres:
-        rest = tuple(i for i in ids if i not in centre.ids)
-        point = axes.meeting_point(centre.ids, STRUCTURE_TOL)
-        if not set(centre.ids) < set(ids) or point is None or len(rest) > 3:
-            continue
-        if axes.velocity_rank(rest, point, tol) != len(rest):
-            return _moves(axes, rest, point, centre.named(), tol, nearly)
-    return None
-
-
-def _moves(
-    axes: JointAxes, ids: tuple[int, ...], point: Array, name: str, tol: float, nearly: str
-) -> str:
-    """Say why joints move a point in fewer directions than their number would allow."""
-    turning = not axes.prismatic[list(ids)].any()
-    rank = axes.velocity_rank(ids, point, tol)
-    if len(ids) == 1 and rank == 0:
-        return f"{name} lies {nearly}on axis {numbers(ids)}"
-    if len(ids) == 2 and turning and axes.in_one_plane(ids, tol, point):
-        kind = "the parallel axes" if axes.parallel(ids, tol) else "axes"
-        return f"{name} lies {nearly}in the plane of {kind} {numbers(ids)}"
-    for pair in combinations(ids, 2) if len(ids) == 3 and turning else ():
-        (other,) = set(ids) - set(pair)
-        if axes.parallel(pair, tol) and not axes.parallel((other, pair[0]), tol):
-            normal = cross(axes.direction[other], axes.direction[pair[0]])
-            if abs((point - axes.point[other]) @ normal / length(normal)) <= tol * axes.size:
-                plane = (
-                    f"the plane through axis {numbers([other])} parallel to axes {numbers(pair)}"
-                )
-                return f"{name} lies {nearly}in {plane}"
-    if rank == 0:
-        return f"{joints_of(ids)} do {nearly}not move {name}"
-    if rank == 1:
-        return f"{joints_of(ids)} {nearly}move {name} along the same line"
-    return f"{joints_of(ids)} move {name} {nearly}within one plane only"
-
-
-def reciprocal_reason(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str) -> str | None:
-    """Return which line meets all of these axes or is parallel to them, or their complex.
-
-    Five independent twists have one reciprocal wrench. A force has no moment about any of the axes:
-    its line meets them or is parallel to them (Merlet, "Singular configurations of parallel
-    manipulators and Grassmann geometry", 1989). Where its pitch is not zero, the lines that it does
-    no work on are those of a linear complex of that pitch (K. H. Hunt, "Kinematic Geometry of
-    Mechanisms", 1978).
-    """
-    # The force, and the moment about the tip in units of size.
-    _, sigma, Vt = np.linalg.svd(axes.twists(ids, axes.tip))
-    if (sigma > tol * sigma[0]).sum() != 5:
-        return None
-    force, moment = Vt[5, :3], Vt[5, 3:]
-    strength = length(force)
-    turning = [i for i in ids if not axes.prismatic[i]]
-    if strength <= tol:
-        return f"axes {numbers(turning)} are {nearly}parallel to one plane"
-    if abs(force @ moment) <= tol * strength**2:
-        point = axes.tip + cross(force, moment) / strength**2 * axes.size
-        line = _common_line(axes, ids, force / strength, point, tol, nearly)
-        if line is not None:
-            return line
-    sliding = [i for i in ids if axes.prismatic[i]]
-    pitch = float(force @ moment) / strength**2 * axes.size
-    every = len(turning) == len(axes.prismatic)
-    count = {6: "six ", 5: "five ", 7: "seven "}.get(len(turning), "")
-    who = f"all {count}axes" if every else f"axes {numbers(turning)}"
-    words = f"{who} {nearly}belong to one linear complex, here of pitch {pitch:.3g} m/rad"
-    if sliding:
-        words += f", and {_are('prismatic joint', sliding)} {nearly}perpendicular to its axis"
-    return words
-
-
-def _common_line(
-    axes: JointAxes, ids: Sequence[int], direction: Array, point: Array, tol: float, nearly: str
-) -> str | None:
-    """Say which joints meet a line, are parallel or perpendicular to it; None if some do not."""
-    met, along, across = [], [], []
-    for i in ids:
-        normal = cross(axes.direction[i], direction)
-        sine = length(normal)
-        if axes.prismatic[i]:
-            across.append(i)
-        elif sine <= tol:
-            along.append(i)
-        elif abs((axes.point[i] - point) @ normal) <= 10 * tol * axes.size * sine:
-            met.append(i)
-        else:
-            return None
-    if not met:
-        return None
-    meet = _are("axis", met, f"{nearly}meets", f"{nearly}meet")
-    if len(met) == len(axes.prismatic):
-        meet = f"all axes {nearly}meet"
-    words = [f"{meet} a common line"]
-    for ids, what, how in (
-        (along, "axis", "parallel"),
-        (across, "prismatic joint", "perpendicular"),
-    ):
-        if ids:
-            words.append(f"{_are(what, ids)} {nearly}{how} to it")
-    return ", ".join(words[:-1]) + ", and " + words[-1] if words[1:] else words[0]
-
-
-def position_reason(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str = "") -> str:
-    """Say why joints move the tip in fewer directions than their number would allow."""
-    words = _moves(axes, ids, axes.tip, "the tip", tol, nearly)
-    every = len(ids) == len(axes.prismatic) > 2 and not axes.prismatic.any()
-    if every and axes.parallel(ids, tol) and axes.velocity_rank(ids, axes.tip, tol) == 1:
-        return f"all links {nearly}in line: {words}"
-    return words
-
-
 ALIGNED = math.radians(0.1)
 """Radians; a direction this close to an axis of the tool or the base goes by that axis."""
+
+_SAID = {
+    "translation": ("translate", "translation", "along", "a force along it"),
+    "rotation": ("rotate", "rotation", "about", "a moment about it"),
+    "line": ("move", "motion", "along the line", "a force along it"),
+    "screw": (
+        "move", "motion", "on the screw of pitch {:.3g} m/rad about the line", "a wrench on it"
+    ),
+}  # fmt: skip
+"""Of each kind of lost motion: verb, noun, way, and the wrench that needs no joint torque."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -379,9 +192,7 @@ class LostMotion:
     @property
     def free_wrench(self) -> str:
         """Wrench that needs no joint torque, in words that follow those of the motion."""
-        return {"rotation": "a moment about it", "screw": "a wrench on it"}.get(
-            self.kind, "a force along it"
-        )
+        return _SAID[self.kind][3]
 
     def __str__(self) -> str:
         return self.words
@@ -415,68 +226,52 @@ def lost_motions(
     forces, moments = U[:3], U[3:]
     # Coefficients of the wrenches in U without moment, and of those without force.
     no_moment, no_force = _null_space(moments, tol), _null_space(forces, tol)
-    pure = np.concatenate([no_moment, no_force], axis=1)
-    rest = _null_space(pure.T, 1e-6) if pure.size else np.eye(U.shape[1])
-
-    def slowest(directions: Array, rows: Array) -> list[Array]:
-        nice = nice_basis(directions, tool.rotation)
-        if not (hardly and nice):
-            return nice
-        # What is left of a pure motion is a semi-axis of its ellipsoid, told with the same number.
-        axes = np.linalg.svd(rows)[0].T
-        near = [axes[np.argmax(np.abs(axes @ d))] for d in nice]
-        return [a if length(cross(a, d)) <= tol else d for a, d in zip(near, nice, strict=True)]
-
-    columns = [np.append(d, np.zeros(3)) for d in slowest(forces @ no_moment, J[:3])]
-    columns += [np.append(np.zeros(3), d) for d in slowest(moments @ no_force, J[3:])]
-    columns += list((U @ rest).T)
-
-    def described(u: Array) -> LostMotion:
-        force, moment = u[:3] / own_length, u[3:]
-        at_scale = np.append(length_scale * force, moment)
-        at_scale /= np.linalg.norm(at_scale)
-        strength = float(np.linalg.norm(force))
-        is_moment = strength * own_length <= tol
-        wrench = np.append(force, moment) / (np.linalg.norm(moment) if is_moment else strength)
-        force, moment = wrench[:3], wrench[3:]
-        point, pitch = tool.position, math.inf
-        direction = moment if is_moment else force
-        if not is_moment:
-            pitch, lever = float(force @ moment), cross(force, moment)
-            point = point if length(lever) <= tol * tool.size else point + lever
-        # Of d and -d, the one whose largest component is positive.
-        largest = int(np.argmax(np.abs(direction).round(9)))
-        direction = np.asarray(direction * np.sign(direction[largest]))
-        if is_moment:
-            kind, noun, verb = "rotation", "rotation", "rotate"
-            where = f"about {axis_name(direction, tool.rotation)}"
-        elif abs(pitch) > tol * tool.size:
-            kind, noun, verb = "screw", "motion", "move"
-            line = _line_words(direction, point, tool, tol)
-            where = f"on the screw of pitch {pitch:.3g} m/rad about the line {line}"
-        elif point is tool.position:
-            kind, noun, verb, pitch = "translation", "translation", "translate", 0.0
-            where = f"along {axis_name(direction, tool.rotation)}"
+    mixed = U @ _null_space(np.concatenate([no_moment, no_force], axis=1).T, 1e-6)
+    pure = []
+    for rows, directions in (
+        (slice(0, 3), forces @ no_moment),
+        (slice(3, 6), moments @ no_force),
+    ):
+        for direction in nice_basis(directions, tool.rotation):
+            if hardly:
+                # What is left is a semi-axis of the tip's ellipsoid, told with the same number.
+                axes = np.linalg.svd(J[rows])[0].T
+                near = axes[np.argmax(np.abs(axes @ direction))]
+                direction = near if length(cross(near, direction)) <= tol else direction
+            u = np.zeros(6)
+            u[rows] = direction
+            pure.append(u)
+    own, scale = np.repeat([[own_length, 1.0], [length_scale, 1.0]], 3, axis=1)
+    found = []
+    for u in (*pure, *mixed.T):
+        wrench, point, pitch = u / own, np.array(tool.position), 0.0
+        if length(u[:3]) <= tol:
+            wrench /= length(wrench[3:])
+            kind, direction, pitch = "rotation", wrench[3:], math.inf
         else:
-            kind, noun, verb, pitch = "line", "motion", "move", 0.0
-            where = f"along the line {_line_words(direction, point, tool, tol)}"
+            wrench /= length(wrench[:3])
+            kind, direction = "translation", wrench[:3]
+            turn, lever = float(direction @ wrench[3:]), cross(direction, wrench[3:])
+            if length(lever) > tol * tool.size:
+                kind, point = "line", point + lever
+            if abs(turn) > tol * tool.size:
+                kind, pitch = "screw", turn
+        # Of d and -d, the one whose largest component is positive.
+        direction = direction * np.sign(direction[np.argmax(np.abs(direction).round(9))])
+        verb, noun, way, _ = _SAID[kind]
+        where = axis_name(direction, tool.rotation)
+        if kind in ("line", "screw"):
+            where = _line_words(direction, point, tool, tol)
+        where = f"{way.format(pitch)} {where}"
         speed = float(np.linalg.norm(J.T @ wrench))
         words = f"cannot {verb} {where}"
         if hardly:
-            unit = "rad/s" if is_moment else "m/s"
-            words = f"nearly loses {noun} {where} ({speed:.4g} {unit} at unit joint speed)"
-        return LostMotion(
-            kind=kind,
-            direction=direction,
-            point=np.array(point),
-            pitch=pitch,
-            wrench=wrench,
-            twist=np.append(length_scale * at_scale[:3], at_scale[3:]),
-            speed=speed,
-            words=words,
-        )
-
-    return tuple(described(u) for u in columns)
+            unit = "rad/s" if kind == "rotation" else "m/s"
+            left = f"({speed:.4g} {unit} at unit joint speed)"
+            words = f"nearly loses {noun} {where} {left}"
+        twist = scale**2 * wrench / np.linalg.norm(scale * wrench)
+        found.append(LostMotion(kind, direction, point, pitch, wrench, twist, speed, words))
+    return tuple(found)
 
 
 def _null_space(A: Array, tol: float) -> Array:
@@ -542,34 +337,31 @@ def _line_words(direction: Array, point: Array, tool: Tool, tol: float) -> str:
 # Which joint axes are linearly dependent -----------------------------------------------
 
 
-Ints = NDArray[np.intp]
-
-
 class ColumnRanks:
     """Ranks of sets of columns of one task Jacobian, here and in general.
 
-    Singular values at or below ``rtol`` times the largest are zero. ``generic`` (k, m, n):
-    Jacobians at random configurations, without units. ``used``: joints that move the task
-    somewhere.
+    Singular values at or below ``rtol`` times the largest are zero.
     """
 
-    def __init__(
-        self, arm: Arm, J: Array, q: Array, rtol: float, generic: Array, used: tuple[int, ...]
-    ) -> None:
-        self.J = own_scale(arm).apply(arm, J, q)
-        self.generic, self.used = generic, used
+    def __init__(self, arm: Arm, J: Array, q: Array, rtol: float) -> None:
+        self.J, self.generic = own_scale(arm).apply(arm, J, q), generic_task(arm)
         self.zero = zero_of(arm, singular_values(self.J[None])[0], rtol)
-        r = generic_rank(arm)
-        self.spare = len(self.used) - r
-        self.lost = r - self.rank(self.used)
+        self.used = moving_columns(arm)
+        self.spare = len(self.used) - generic_rank(arm)
+        self.lost = self.nullity(self.used) - self.spare
 
     def rank(self, ids: Sequence[int]) -> int:
         """Rank of the columns ``ids`` at the configuration."""
-        return int(self._ranks(np.array([ids], dtype=np.intp))[0])
+        return len(ids) - self.nullity(ids)
 
     def nullity(self, ids: Sequence[int]) -> int:
         """Return how many of the columns ``ids`` the others of these make up for."""
-        return len(ids) - self.rank(ids)
+        return int(self._nullities(np.array([ids], dtype=np.intp))[0])
+
+    def _nullities(self, sets: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return how many of each set (N, k) of columns the others of it make up for."""
+        stack = self.J[:, sets].transpose(1, 0, 2)  # (N, m, k)
+        return np.asarray(sets.shape[1] - (singular_values(stack) > self.zero).sum(axis=-1))
 
     def generic_rank(self, ids: Sequence[int]) -> int:
         """Rank of the columns ``ids`` at almost every configuration."""
@@ -580,7 +372,7 @@ class ColumnRanks:
         """Sets that force the loss, one for each rank lost."""
         found: list[tuple[int, ...]] = []
         for ids in self._by_size(self.used, self.spare + 1):
-            if self.nullity(sorted(set(chain(ids, *found)))) - self.spare > len(found):
+            if self.nullity(sorted({*ids}.union(*found))) > self.spare + len(found):
                 found.append(ids)
             if len(found) == self.lost:
                 break
@@ -603,23 +395,15 @@ class ColumnRanks:
                 break
         return found
 
-    def _ranks(self, sets: Ints) -> Ints:
-        """Ranks at the configuration of sets (N, k) of columns."""
-        stack = self.J[:, sets].transpose(1, 0, 2)  # (N, m, k)
-        return np.asarray((singular_values(stack) > self.zero).sum(axis=-1))
-
     def _by_size(self, ids: Sequence[int], nullity: int) -> Iterator[tuple[int, ...]]:
         """Sets within ``ids``, smallest first, of at least this nullity."""
         for size in range(1, len(ids) + 1):
             # sets of joints; beyond, the whole arm is named without a search
             if math.comb(len(ids), size) > 60_000:
-                break
-            sets = np.array(ids)[_combinations(len(ids), size)]
-            for k in np.flatnonzero(size - self._ranks(sets) >= nullity):
-                yield tuple(int(i) for i in sets[k])
-        else:
-            return
-        yield tuple(ids)
+                yield tuple(ids)
+                return
+            sets = np.array(list(combinations(ids, size)), dtype=np.intp)
+            yield from map(tuple, sets[self._nullities(sets) >= nullity].tolist())
 
 
 def singular_values(stack: Array) -> Array:
@@ -627,12 +411,6 @@ def singular_values(stack: Array) -> Array:
     if kernel.available() and min(stack.shape[1:]) > 0:
         return kernel.svdvals(stack, threads=1)
     return np.asarray(np.linalg.svd(stack, compute_uv=False), dtype=np.float64)
-
-
-@functools.cache
-def _combinations(n: int, size: int) -> Ints:
-    """Sets (N, size) of that many out of n, as indices."""
-    return np.array(list(combinations(range(n), size)), dtype=np.intp)
 
 
 DEPENDENCE_RTOL = 10 * SINGULAR_RTOL
@@ -670,7 +448,7 @@ def dependences_of(
     exceeds n - r: the other columns cannot make up for it. Columns that never move the task are
     left out of n. Singular values at or below ``rtol`` times the largest are zero.
     """
-    columns = ColumnRanks(arm, J, q, rtol, generic_task(arm), moving_columns(arm))
+    columns = ColumnRanks(arm, J, q, rtol)
     if columns.lost <= 0:
         return ()
     words = _Reasons(arm, axes, columns, rtol)
@@ -680,18 +458,6 @@ def dependences_of(
     )
 
 
-def landmarks(arm: Arm, axes: JointAxes) -> dict[str, Array]:
-    """Return points (3,) where three axes in a row always meet: the wrist and shoulder centre."""
-    if arm.coupling is not None:
-        return {}
-    found = {}
-    for centre in arm_centres(arm):
-        point = axes.meeting_point(centre.ids, STRUCTURE_TOL)
-        if centre.short and point is not None:
-            found[f"the {centre.short}"] = point
-    return found
-
-
 @kept
 def arm_centres(arm: Arm) -> tuple[AxesCentre, ...]:
     """Sets of three turning axes in a row that meet in one point at every configuration."""
@@ -699,8 +465,9 @@ def arm_centres(arm: Arm) -> tuple[AxesCentre, ...]:
         return ()
     samples, turns = generic_axes(arm), ~arm.prismatic
     rows = [(i, i + 1, i + 2) for i in range(arm.n - 2) if turns[i : i + 3].all()]
+    short = {0: "shoulder centre", arm.n - 3: "wrist centre"}
     return tuple(
-        AxesCentre(ids, arm.n)
+        AxesCentre(ids, short.get(ids[0], ""))
         for ids in rows
         if all(axes.meeting_point(ids, STRUCTURE_TOL) is not None for axes in samples)
     )
@@ -722,39 +489,36 @@ class _Reasons:
     """Says why sets of axes are dependent."""
 
     def __init__(self, arm: Arm, axes: JointAxes, columns: ColumnRanks, rtol: float) -> None:
-        self.arm, self.columns = arm, columns
-        self.task = arm.task.name
-        self.coupled = arm.coupling is not None
-        self.axes = axes
+        self.arm, self.axes, self.columns = arm, axes, columns
+        self.task = arm.task.name if arm.coupling is None else "coupled"
         self.centres = arm_centres(arm)
-        named = self.task in ("pose", "position", "orientation") or arm.task.tool_axis is not None
-        self.by_rows = not named and not self.coupled
-        # Geometry is looked for at a tolerance that fits how singular the arm is.
+        # Geometry is looked for at a tolerance that fits how singular the arm is: radians, and a
+        # share of the arm's size.
         self.tol = float(np.clip(30 * rtol, STRUCTURE_TOL, 0.05))
         self.nearly = "" if rtol <= DEPENDENCE_RTOL else "nearly "
 
     def reason(self, ids: tuple[int, ...]) -> str:
+        """Why these axes are dependent; of a redundant arm, also why the others do not help."""
         # Axes of which each three that lie in a plane need not be named
         if len(ids) > 3 and (words := self._in_line(ids)):
             return words
         parts = self.columns.pieces(ids)
         if parts == [ids]:
             return self._one(ids)
-        # A redundant arm: what lines up, and why the other joints do not help.
-        line = None
-        if self.task == "pose" and not self.coupled:
-            line = reciprocal_reason(self.axes, ids, self.tol, self.nearly)
+        line = self._reciprocal(ids) if self.task == "pose" else ""
         # Beside the line, or the whole, only small sets are worth naming.
-        most = 2 if self.task != "pose" else 6 if line is None else 4
+        most = 2 if self.arm.task.name != "pose" else 4 if line else 6
         named = [part for part in _merged(parts) if len(part) <= most]
         idle = [part[0] for part in named if len(part) == 1]
-        said = [self._one(part) for part in named]
-        if self.by_rows and len(idle) > 1:
+        by_rows = self.task not in ("pose", "position", "orientation", "coupled")
+        if by_rows and self.arm.task.tool_axis is None and len(idle) > 1:
             said = [self._idle(idle), *(self._one(part) for part in named if len(part) > 1)]
-        if line is not None:
-            plain = {dependent(part, self.nearly) for part in named}  # the line says more
+        else:
+            said = [self._one(part) for part in named]
+        if line:
+            plain = {self._together(part) for part in named}  # the line says more
             said = [*(words for words in said if words not in plain), line]
-        elif self.task in ("position", "orientation") and not self.coupled:
+        elif self.task in ("position", "orientation"):
             said.append(self._one(ids))
         else:
             rank, general = self.columns.rank(ids), self.columns.generic_rank(ids)
@@ -765,33 +529,45 @@ class _Reasons:
 
     def _in_line(self, ids: tuple[int, ...]) -> str:
         """What is said of parallel axes that turn, and lie in one plane; nothing of others."""
-        task = self.task == "pose" or (self.task != "position" and self._as_twists(ids))
-        if self.coupled or not task or self.axes.prismatic[list(ids)].any():
+        if self.task in ("coupled", "position") or self.axes.prismatic[list(ids)].any():
             return ""
         if not self.axes.parallel(ids, self.tol) or not self.axes.in_one_plane(ids, self.tol):
+            return ""
+        if self.task != "pose" and not self._as_twists(ids):
             return ""
         which = "all axes" if len(ids) == self.arm.n else f"axes {numbers(ids)}"
         return f"links {self.nearly}in line: {which} are parallel and lie in one plane"
 
     def _one(self, ids: tuple[int, ...]) -> str:
-        if self.coupled:
-            return dependent(ids, self.nearly)
+        """Why these axes, the smallest set, are dependent in the rows of the task."""
+        axes, task = self.axes, self.arm.task
+        if self.task == "coupled":
+            return self._together(ids)
         if self.task == "position":
-            return position_reason(self.axes, ids, self.tol, self.nearly)
+            words = self._moves(ids, axes.tip, "the tip")
+            every = len(ids) == self.arm.n > 2 and not axes.prismatic.any()
+            straight = every and axes.parallel(ids, self.tol)
+            if straight and axes.velocity_rank(ids, axes.tip, self.tol) == 1:
+                return f"all links {self.nearly}in line: {words}"
+            return words
         if self.task == "orientation":
-            turning = tuple(i for i in ids if not self.axes.prismatic[i])
-            plane = "" if self.axes.parallel(turning, self.tol) else " to one plane"
+            turning = [i for i in ids if not axes.prismatic[i]]
+            plane = "" if axes.parallel(turning, self.tol) else " to one plane"
             return f"axes {numbers(turning)} are {self.nearly}parallel{plane}"
         if self.task == "pose" or self._as_twists(ids):
-            return pose_reason(self.axes, ids, self.centres, self.tol, self.nearly)
-        task = self.arm.task
+            return self._of_twists(ids)
         if len(task.rows) == 5 and task.tool_axis is not None:
             turn = f"a turn about the tool's own {TOOL_AXES[task.tool_axis]} axis"
             if len(ids) == 1:
                 return f"all that joint {ids[0] + 1} moves is {self.nearly}{turn}"
-            return f"{dependent(ids, self.nearly)}, but for {turn}"
-        rows = ", ".join(task.row_names)
-        return self._idle(ids) if len(ids) == 1 else dependent(ids, self.nearly, rows, "at zero")
+            return f"{self._together(ids)}, but for {turn}"
+        if len(ids) == 1:
+            return self._idle(ids)
+        return self._together(ids, ", ".join(task.row_names), "at zero")
+
+    def _together(self, ids: Sequence[int], who: str = "the tip", how: str = "at rest") -> str:
+        """Say no more than what it means that columns are linearly dependent."""
+        return f"{joints_of(ids)} can move together with {who} {self.nearly}{how}"
 
     def _idle(self, ids: Sequence[int]) -> str:
         """Return what is said of joints that move none of the rows of a task."""
@@ -805,6 +581,113 @@ class _Reasons:
         twists[self.axes.prismatic[list(ids)]] /= self.axes.size
         sigma = np.linalg.svd(twists, compute_uv=False)
         return len(ids) > 6 or bool(sigma[-1] <= self.tol * sigma[0])
+
+    def _of_twists(self, ids: tuple[int, ...]) -> str:
+        """Why axes ``ids``, the smallest set of dependent twists, are dependent."""
+        axes, tol, nearly = self.axes, self.tol, self.nearly
+        turning = [i for i in ids if not axes.prismatic[i]]
+        sliding = [i for i in ids if axes.prismatic[i]]
+        if len(ids) == 1:  # beside a slide of kilometres
+            return self._together(ids)
+        if not turning:
+            words = "parallel" if axes.parallel(ids, tol) else "parallel to one plane"
+            return f"prismatic joints {numbers(ids)} are {nearly}{words}"
+        several, parallel = f"axes {numbers(ids)}", axes.parallel(turning, tol)
+        flat = not sliding and axes.in_one_plane(ids, tol)
+        if parallel and not sliding:
+            if axes.pass_through(ids[1:], axes.point[ids[0]], tol):
+                return f"{several} are {nearly}collinear"
+            plane = f" and lie {nearly}in one plane" if flat else ""
+            return f"{several} are {'' if flat else nearly}parallel{plane}"
+        z = axes.direction[turning[0]]
+        if parallel and len(turning) > 1 and (np.abs(axes.direction[sliding] @ z) <= tol).all():
+            across = f"{_are('prismatic joint', sliding)} {nearly}perpendicular to"
+            if (len(turning), len(sliding)) != (2, 1):
+                return f"{_are('axis', turning)} parallel and {across} them"
+            apart = axes.point[turning[1]] - axes.point[turning[0]]
+            if abs(axes.direction[sliding[0]] @ (apart - (apart @ z) * z)) <= tol * axes.size:
+                return f"{across} the plane of axes {numbers(turning)}"
+        # With all turns about a centre at hand, the others must move the centre independently.
+        for centre in self.centres:
+            rest = tuple(i for i in ids if i not in centre.ids)
+            point = axes.meeting_point(centre.ids, STRUCTURE_TOL)
+            few = len(rest) == len(ids) - 3 and len(rest) in (1, 2, 3)
+            if few and point is not None and axes.velocity_rank(rest, point, tol) != len(rest):
+                return self._moves(rest, point, centre.named())
+        if not sliding and axes.meeting_point(ids, tol) is not None:
+            if flat and len(ids) == 3:
+                return f"{several} meet in one point and lie {nearly}in one plane"
+            return f"{several} {nearly}meet in one point"
+        if flat and len(ids) > 3:
+            return f"{several} lie {nearly}in one plane"
+        return self._reciprocal(ids) or self._together(ids)
+
+    def _moves(self, ids: tuple[int, ...], point: Array, name: str) -> str:
+        """Say why joints move a point in fewer directions than their number would allow."""
+        axes, tol, nearly = self.axes, self.tol, self.nearly
+        turning = not axes.prismatic[list(ids)].any()
+        rank = axes.velocity_rank(ids, point, tol)
+        if len(ids) == 1 and rank == 0:
+            return f"{name} lies {nearly}on axis {numbers(ids)}"
+        if len(ids) == 2 and turning and axes.in_one_plane(ids, tol, point):
+            kind = "the parallel axes" if axes.parallel(ids, tol) else "axes"
+            return f"{name} lies {nearly}in the plane of {kind} {numbers(ids)}"
+        for pair in combinations(ids, 2) if len(ids) == 3 and turning else ():
+            (other,) = set(ids) - set(pair)
+            if axes.parallel(pair, tol) and not axes.parallel((other, pair[0]), tol):
+                normal = cross(axes.direction[other], axes.direction[pair[0]])
+                if abs((point - axes.point[other]) @ normal) <= tol * axes.size * length(normal):
+                    plane = f"the plane through axis {other + 1} parallel to axes {numbers(pair)}"
+                    return f"{name} lies {nearly}in {plane}"
+        if rank == 0:
+            return f"{joints_of(ids)} do {nearly}not move {name}"
+        if rank == 1:
+            return f"{joints_of(ids)} {nearly}move {name} along the same line"
+        return f"{joints_of(ids)} move {name} {nearly}within one plane only"
+
+    def _reciprocal(self, ids: tuple[int, ...]) -> str:
+        """Which line meets all of these axes or is parallel to them, or their complex, if any.
+
+        Five independent twists have one reciprocal wrench. A force has no moment about any of the
+        axes: its line meets them or is parallel to them (Merlet, "Singular configurations of
+        parallel manipulators and Grassmann geometry", 1989). Where its pitch is not zero, the lines
+        that it does no work on are those of a linear complex of that pitch (K. H. Hunt, "Kinematic
+        Geometry of Mechanisms", 1978).
+        """
+        axes, tol, nearly = self.axes, self.tol, self.nearly
+        # The force, and the moment about the tip in units of size.
+        _, sigma, Vt = np.linalg.svd(axes.twists(ids, axes.tip))
+        if (sigma > tol * sigma[0]).sum() != 5:
+            return ""
+        force, moment = Vt[5, :3], Vt[5, 3:]
+        strength = length(force)
+        turning = [i for i in ids if not axes.prismatic[i]]
+        sliding = [i for i in ids if axes.prismatic[i]]
+        if strength <= tol:
+            return f"axes {numbers(turning)} are {nearly}parallel to one plane"
+        pitch = float(force @ moment) / strength**2
+        point = axes.tip + cross(force, moment) / strength**2 * axes.size
+        met, along = [], []
+        for i in turning:
+            normal = cross(axes.direction[i], force) / strength
+            sine = length(normal)
+            if sine <= tol:
+                along.append(i)
+            elif abs((axes.point[i] - point) @ normal) <= 10 * tol * axes.size * sine:
+                met.append(i)
+        across = f"{_are('prismatic joint', sliding)} {nearly}perpendicular to"
+        if abs(pitch) <= tol and met and len(met) + len(along) == len(turning):
+            meet = _are("axis", met, f"{nearly}meets", f"{nearly}meet")
+            words = f"{f'all axes {nearly}meet' if len(met) == self.arm.n else meet} a common line"
+            others = [f"{_are('axis', along)} {nearly}parallel to it"] * bool(along)
+            others += [f"{across} it"] * bool(sliding)
+            return ", and ".join([", ".join([words, *others[:-1]]), *others[-1:]])
+        count = {6: "six ", 5: "five ", 7: "seven "}.get(len(turning), "")
+        every = len(turning) == self.arm.n
+        who = f"all {count}axes" if every else f"axes {numbers(turning)}"
+        words = f"{who} {nearly}belong to one linear complex, here of pitch"
+        words += f" {pitch * axes.size:.3g} m/rad"
+        return f"{words}, and {across} its axis" if sliding else words
 
 
 def _merged(parts: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
