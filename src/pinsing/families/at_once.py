@@ -35,9 +35,9 @@ from pinsing.robot.surd import SQUARES, exact_of, parts_of
 Number: TypeAlias = Any
 """A float or an Exact; one expression has one kind alone."""
 Factor = tuple[int, str, int]
-"""Joint, function, multiple: cos and sin of a multiple, cc, ss and sc for squares and products of
-the two of the angle itself, pow for a power of a length."""
+"""Joint, function, multiple: cos and sin of a multiple, or pow for a length."""
 Product = tuple[Factor, ...]
+"""Sorted; a power is a factor as many times."""
 Terms = Mapping[Product, Number]
 """A sum of products of functions of single joints: the number before each."""
 
@@ -70,7 +70,7 @@ def _grouped(equation: Equation, joint: int) -> tuple[Terms, float]:
         ways = [
             ({**chosen, j: square}, _squared(made, j, square))
             for chosen, made in ways
-            for square in ("", "cc", "ss")
+            for square in ("", "cos", "sin")
         ]
     shortest, terms = min(ways, key=lambda way: sum(abs(c) > least for c in way[1].values()))
     if not equation.exact:
@@ -94,7 +94,7 @@ def _multiplied_out(equation: Equation, numbers: Sequence[Sequence[Number]]) -> 
     for powers, frequencies, pair in zip(
         equation.powers.tolist(), equation.frequencies.tolist(), numbers, strict=True
     ):
-        lengths = tuple((j, "pow", p) for j, p in enumerate(powers) if p)
+        lengths = tuple((j, "pow", 1) for j, p in enumerate(powers) for _ in range(p))
         # exp(i sum) = prod (cos + i sin): every sine brings an i and the sign of its angle.
         products: list[tuple[Product, int]] = [(lengths, 0)]
         for j, f in enumerate(frequencies):
@@ -116,23 +116,22 @@ def _multiplied_out(equation: Equation, numbers: Sequence[Sequence[Number]]) -> 
 
 
 def _squared(terms: Terms, joint: int, square: str) -> Terms:
-    """Cosine and sine of twice a joint's angle by squares, cc or ss, and sc; or as they are."""
+    """Cosine and sine of twice a joint's angle by those of the angle, one squared; or as it is."""
     if not square:
         return terms
-    sign, out = 1 if square == "cc" else -1, dict[Product, Number]()
+    sign, out = 1 if square == "cos" else -1, defaultdict[Product, Number](int)
     for product, number in terms.items():
         sums: list[tuple[Product, int]]
         if (joint, "cos", 2) in product:
-            sums = [(((joint, square, 1),), 2 * sign), ((), -sign)]
+            sums = [(((joint, square, 1),) * 2, 2 * sign), ((), -sign)]
         elif (joint, "sin", 2) in product:
-            sums = [(((joint, "sc", 1),), 2)]
+            sums = [(((joint, "cos", 1), (joint, "sin", 1)), 2)]
         else:
-            out[product] = out.get(product, 0) + number
+            out[product] += number
             continue
         rest = tuple([x for x in product if x[0] != joint])
         for factors, weight in sums:
-            key = tuple(sorted((*rest, *factors)))
-            out[key] = out.get(key, 0) + number * weight
+            out[tuple(sorted((*rest, *factors)))] += number * weight
     return out
 
 
@@ -140,33 +139,19 @@ def _squared(terms: Terms, joint: int, square: str) -> Terms:
 
 
 def terms_text(terms: Terms, equation: Equation, latex: bool = False) -> str:
-    """One line of terms in the joints of an equation: common factors before brackets."""
-    # Factors such that squares and products of sine and cosine can share one.
-    spread = {"cc": ("cos", "cos"), "ss": ("sin", "sin"), "sc": ("sin", "cos")}
-    by_atoms: dict[Product, Number] = {}
-    for product, number in terms.items():
-        atoms = list[Factor]()
-        for j, function, k in product:
-            names = ("pow",) * k if function == "pow" else spread.get(function, (function,))
-            atoms += [(j, name, 1 if name == "pow" else k) for name in names]
-        by_atoms[tuple(sorted(atoms))] = number
-    return _nested(by_atoms, equation, latex)
-
-
-def _nested(terms: Terms, equation: Equation, latex: bool) -> str:
-    """A sum with the factor that most terms share before a bracket, and so on within."""
+    """One line of terms: the factor that most share before a bracket, and so on within."""
     pieces: list[tuple[bool, str]] = []
     brackets, alone = _brackets(tuple(terms))
     for pull, within in brackets:
-        inner = {rest: terms[atoms] for atoms, rest in within}
+        inner = {rest: terms[product] for product, rest in within}
         negative = _is_negative(next(iter(inner.values())))
         if negative:
-            inner = {atoms: -c for atoms, c in inner.items()}
-        said = f"{_factors(pull, equation, latex)} ({_nested(inner, equation, latex)})"
+            inner = {product: -c for product, c in inner.items()}
+        said = f"{_factors(pull, equation, latex)} ({terms_text(inner, equation, latex)})"
         pieces.append((negative, said))
-    for atoms in alone:
-        number = terms[atoms]
-        said = times(_size(number, latex), _factors(atoms, equation, latex))
+    for product in alone:
+        number = terms[product]
+        said = times(_size(number, latex), _factors(product, equation, latex))
         pieces.append((_is_negative(number), said))
     return joined(pieces)
 
@@ -285,28 +270,22 @@ class SolvedFor:
         return f"{self.condition}, with {', '.join(named)} given by {listed(self.given)}"
 
 
-@dataclass(frozen=True)
-class _Entry:
-    """How an equation is stated for a joint that enters it once."""
+def _entry(kind: str) -> tuple[str, str, int, dict[str, tuple[str, int]]]:
+    """How an equation is stated for a joint that enters it once, see ``Equation.enters``.
 
-    condition: str
-    solution: str
-    values: int
-    parts: dict[str, tuple[str, int]]  # what is named, and the function of the joint it is before
-
-
-def _entry(kind: str) -> _Entry:
-    """See ``Equation.enters``; c is on the other side."""
+    Condition, solution, number of values, and what is named, with the function of the joint that it
+    is before; c is on the other side.
+    """
     half = "/2" if kind == "half" else ""
     radius = {"R cos φ": ("cos" + half, 1), "R sin φ": ("sin" + half, 1)}
     c = {"c": ("one", 0)}
     two = "φ ± arccos(c/R) where |c| <= R: one of two values"
     opposite = "φ ± 90°: one of two values, half a turn apart,"
     return {
-        "length": _Entry("A {} = c", "c/A: one value", 1, {"A": ("pow", 1), **c}),
-        "half": _Entry("R cos({}/2 - φ) = 0", "2 φ + 180°: one value", 1, radius),
-        "opposite": _Entry("R cos({} - φ) = 0", opposite, 2, radius),
-        "two": _Entry("R cos({} - φ) = c", two, 2, radius | c),
+        "length": ("A {} = c", "c/A: one value", 1, {"A": ("pow", 1), **c}),
+        "half": ("R cos({}/2 - φ) = 0", "2 φ + 180°: one value", 1, radius),
+        "opposite": ("R cos({} - φ) = 0", opposite, 2, radius),
+        "two": ("R cos({} - φ) = c", two, 2, radius | c),
     }[kind]
 
 
@@ -322,9 +301,10 @@ def _named(equation: Equation, joint: int, latex: bool = False) -> str:
 
 def _stated(equation: Equation, joint: int) -> tuple[str, str]:
     """The condition for a joint, and what follows for it."""
-    name, entry = _named(equation, joint), _entry(equation.enters(joint))
+    name = _named(equation, joint)
+    condition, solution, _, _ = _entry(equation.enters(joint))
     others = listed([equation.joints[j] for j in equation.involved if j != joint])
-    return entry.condition.format(name), f"{name} = {entry.solution} given {others}"
+    return condition.format(name), f"{name} = {solution} given {others}"
 
 
 def solved(equation: Equation, joint: int | None = None) -> SolvedFor | None:
@@ -341,29 +321,28 @@ def _solved(equation: Equation, joint: int | None) -> SolvedFor | None:
         return None
     first = next(iter(kinds))
     chosen = next((j for j, kind in kinds.items() if kind in ("opposite", "half")), first)
-    entry = _entry(kinds[chosen])
+    form, _, values, named = _entry(kinds[chosen])
 
     def parts(exact: bool, latex: bool) -> tuple[tuple[str, str], ...]:
         if (found := coefficients(equation, chosen, exact)) is None:
             return ()
         signed = (
             (name, {p: -x if name == "c" else x for p, x in found.get(function, {}).items()})
-            for name, function in entry.parts.items()
+            for name, function in named.items()
         )
         return tuple((name, terms_text(terms, equation, latex)) for name, terms in signed)
 
     def in_latex(exact: bool) -> str:
-        form = r",\ ".join([entry.condition, *(f"{name} = {{}}" for name in entry.parts)])
-        form = re.sub("(cos|sin) ?", r"\\\1 ", form).replace("φ", r"\varphi")
-        return form.format(
-            _named(equation, chosen, True), *(text for _, text in parts(exact, True))
-        )
+        whole = r",\ ".join([form, *(f"{name} = {{}}" for name in named)])
+        whole = re.sub("(cos|sin) ?", r"\\\1 ", whole).replace("φ", r"\varphi")
+        texts = (text for _, text in parts(exact, True))
+        return whole.format(_named(equation, chosen, True), *texts)
 
     condition, solution = _stated(equation, chosen)
     return SolvedFor(
         joint=equation.joints[chosen],
         given=tuple(equation.joints[j] for j in equation.involved if j != chosen),
-        values=entry.values,
+        values=values,
         condition=condition,
         solution=solution,
         where=parts(False, False),

@@ -16,7 +16,7 @@ import functools
 import itertools
 import math
 import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
@@ -429,17 +429,6 @@ Images = Mapping[int, Poly]
 """For some variables a number times another variable, or a number alone."""
 
 
-@dataclass(frozen=True)
-class SpecialDesign:
-    """Special values of symbols."""
-
-    condition: str  # ``a5 = 0``, ``a2 = -a3``, ``alpha4 = 90°``
-    symbols: tuple[int, ...]  # which symbols it is about
-    images: Images  # what it puts in for variables
-    # whether it is about two symbols: what has one of them alone only has another name for it
-    renames: bool = False
-
-
 Found = Sequence[tuple[DesignFamily, tuple[Poly, ...]]]
 """What is stated, and the polynomials of one equation that it is the zeros of, if it is one."""
 
@@ -466,44 +455,41 @@ class Changes:
 
     def all(self) -> Iterator[DesignChange]:
         """Return the changes at lengths that are zero or equal but for sign, and right twists."""
-        n, slides = self.names.n, self.ring.prismatic
+        n, names, ring = self.names.n, self.names.names, self.ring
         polys = itertools.chain(*self.families.values())
-        within = [{s for s in self.ring.joints_of(p) if s >= n} for p in polys]
-        used = set().union(*within, *(self.ring.joints_of(p) for p in self.assumed))
-        whole = set()
+        within = [{s for s in ring.joints_of(p) if s >= n} for p in polys]
+        used = set().union(*within, *(ring.joints_of(p) for p in self.assumed))
+        everywhere: list[set[int]] = []  # smallest sets of lengths that, zero at once, make all so
         for s in sorted(used):
-            for special in self._alone(s):
-                for change in self._at(special):
+            for condition, images in self._alone(s):
+                for change in self._at(condition, (s,), images):
                     if change.kind == EVERYWHERE:
-                        whole.add(s)
+                        everywhere.append({s})
                     yield change
-        lengths = [sorted(s for s in some if slides[s]) for some in within]
-        together = {pair for some in lengths for pair in itertools.combinations(some, 2)}
-        for s, t in sorted(together):
-            for sign in (1, -1):
-                yield from (c for c in self._at(self._equal(s, t, sign)) if c.kind != "becomes")
-        yield from self._without_lengths(whole)
-
-    def _without_lengths(self, told: Collection[int]) -> Iterator[DesignChange]:
-        """Yield smallest sets of lengths that, zero at once, make all singular; not ``told``."""
-        lengths = [s for s in range(self.names.n, len(self.names.names)) if self.ring.prismatic[s]]
-        enough = [{s} for s in told]
+        lengths = [s for s in range(n, len(names)) if ring.prismatic[s]]
+        pairs = itertools.combinations(lengths, 2)
+        for s, t in (pair for pair in pairs if any(some >= {*pair} for some in within)):
+            first, second = (ring.variables(k)[0] for k in (s, t))
+            for sign, minus in ((1, ""), (-1, "-")):
+                images = {first: sign * ring.context.gen(second)}
+                changes = self._at(f"{names[s]} = {minus}{names[t]}", (s, t), images)
+                yield from (c for c in changes if c.kind != "becomes")
         # Lengths that are zero at once, at most, where it is asked whether all is singular.
         for size in range(1, 3 + 1):
-            for some in itertools.combinations(lengths, size):
-                if any(known <= set(some) for known in enough):
+            for zero in itertools.combinations(lengths, size):
+                if any(known <= {*zero} for known in everywhere):
                     continue
                 self.time.check()
-                if self._everywhere({self.ring.variables(s)[0]: self.ring.zero for s in some}):
-                    enough.append(set(some))
-                    condition = " = ".join(self.names.names[s] for s in some)
+                if self._everywhere({ring.variables(s)[0]: ring.zero for s in zero}):
+                    everywhere.append({*zero})
+                    condition = " = ".join(names[s] for s in zero)
                     yield DesignChange(f"{condition} = 0", "", EVERYWHERE, ())
 
-    def _alone(self, s: int) -> Iterator[SpecialDesign]:
-        """Special values of one symbol."""
+    def _alone(self, s: int) -> Iterator[tuple[str, Images]]:
+        """Special values of one symbol: ``a5 = 0``, ``alpha4 = 90°``, and what they put in."""
         name, variables = self.names.names[s], self.ring.variables(s)
         if self.ring.prismatic[s]:
-            yield SpecialDesign(f"{name} = 0", (s,), {variables[0]: self.ring.zero})
+            yield f"{name} = 0", {variables[0]: self.ring.zero}
             return
         # Right angles that a twist is tried at.
         for turn in (0, 2, 1, -1):
@@ -512,35 +498,25 @@ class Changes:
                 # Half-angle coordinates of no, one, two and three right angles.
                 point = ((1, 0), (1, 1), (0, 1), (1, -1))[round(quarters) % 4]
                 images = {v: self.ring.number(x) for v, x in zip(variables, point, strict=True)}
-                yield SpecialDesign(f"{name} = {90 * turn}°", (s,), images)
+                yield f"{name} = {90 * turn}°", images
 
-    def _equal(self, s: int, t: int, sign: int) -> SpecialDesign:
-        """Two lengths that are equal but for a sign."""
-        names = self.names.names
-        first, second = (self.ring.variables(k)[0] for k in (s, t))
-        images = {first: sign * self.ring.context.gen(second)}
-        minus = "-" if sign < 0 else ""
-        return SpecialDesign(f"{names[s]} = {minus}{names[t]}", (s, t), images, renames=True)
-
-    def _at(self, special: SpecialDesign) -> Iterator[DesignChange]:
-        """Return what becomes of the families at special values."""
+    def _at(self, condition: str, symbols: Sequence[int], images: Images) -> Iterator[DesignChange]:
+        """Return what becomes of the families at special values of some symbols."""
         self.time.check()
-        condition, ring = special.condition, self.ring
-        if self._everywhere(special.images):
+        ring = self.ring
+        if self._everywhere(images):
             yield DesignChange(condition, "", EVERYWHERE, ())
             return
-        need = all if special.renames else any
-        # Families of which special values say anything but the name of a symbol.
+        # Families of which special values say anything but the name of a symbol: what has one of
+        # two symbols alone only has another name for it.
         touched = [
             name
             for name, polys in self.families.items()
-            if need(any(s in ring.joints_of(p) for p in polys) for s in special.symbols)
+            if all(any(s in ring.joints_of(p) for p in polys) for s in symbols)
         ]
-        if not touched:
-            return
         parts = {
-            name: self._parts(polys, special.images, name in touched)
-            for name, polys in self.families.items()
+            name: self._parts(polys, images, name in touched)
+            for name, polys in (self.families if touched else {}).items()
         }
         for name in touched:
             polys, mine = self.families[name], parts[name]
@@ -550,7 +526,7 @@ class Changes:
                 {j for p in some for j in ring.joints_of(p) if j < self.names.n}
                 for some in (polys, mine)
             )
-            groups = self._grouped(mine)
+            groups = sorted(_grouped(mine, ring), key=lambda g: (len(g[0]), min(g[0].monoms())))
             into = tuple(self.names.text(math.prod(g)) for g in groups)
             if not mine:
                 yield DesignChange(condition, name, "vanishes", ())
@@ -570,7 +546,12 @@ class Changes:
         """The irreducible polynomials with joints that it is the zeros of there."""
         found: list[Poly] = []
         for p in polys:
-            if (became := self._there(p, images)) == 0:
+            became = p
+            if any(p.degrees()[v] for v in images):
+                put = [images.get(v, gen) for v, gen in enumerate(self.ring.context.gens())]
+                composed = p.compose(*put, ctx=self.ring.context)
+                became = self.ring.strip(self.ring.reduce(composed))
+            if became == 0:
                 continue
             self.time.check_factor(len(became))
             alone = became == p or not touched or self._irreducible(became)
@@ -581,16 +562,14 @@ class Changes:
     def _irreducible(self, poly: Poly) -> bool:
         """Return True if a polynomial is A s + B in a length s, without a common factor."""
         degrees, gens = poly.degrees(), self.ring.context.gens()
-        best: tuple[Poly, Poly] | None = None
-        for s, slides in enumerate(self.ring.prismatic):
-            (v, *_) = self.ring.variables(s)
-            if not slides or degrees[v] != 1:
-                continue
-            lead = poly.derivative(v)
-            low = poly - gens[v] * lead
-            if low != 0 and (best is None or len(lead) < len(best[0])):
-                best = lead, low
-        return best is not None and self.ring.is_constant(self.ring.gcd(*best))
+        firsts = [
+            self.ring.variables(s)[0] for s, slides in enumerate(self.ring.prismatic) if slides
+        ]
+        leads = [(v, poly.derivative(v)) for v in firsts if degrees[v] == 1]
+        parts = [(lead, low) for v, lead in leads if (low := poly - gens[v] * lead) != 0]
+        if not parts:
+            return False
+        return self.ring.is_constant(self.ring.gcd(*min(parts, key=lambda part: len(part[0]))))
 
     def _everywhere(self, images: Images) -> bool:
         """Return True if the rank is less at all configurations."""
@@ -602,23 +581,14 @@ class Changes:
                 return False
         return True
 
-    def _there(self, poly: Poly, images: Images) -> Poly:
-        """A polynomial at special values."""
-        degrees = poly.degrees()
-        if not any(degrees[v] for v in images):
-            return poly
-        put = list(self.ring.context.gens())
-        for v, image in images.items():
-            put[v] = image
-        return self.ring.strip(self.ring.reduce(poly.compose(*put, ctx=self.ring.context)))
 
-    def _grouped(self, polys: Sequence[Poly]) -> list[list[Poly]]:
-        """Values of one joint together, all else alone."""
-        groups: dict[object, list[Poly]] = {}
-        for p in polys:
-            fixed = self.ring.joint_value(p)
-            groups.setdefault(object() if fixed is None else fixed[0], []).append(p)
-        return sorted(groups.values(), key=lambda g: (len(g[0]), min(g[0].monoms())))
+def _grouped(polys: Sequence[Poly], ring: Ring) -> list[list[Poly]]:
+    """Values of one joint, or twist, together, all else alone."""
+    groups: dict[object, list[Poly]] = {}
+    for p in polys:
+        fixed = ring.joint_value(p)
+        groups.setdefault(str(p) if fixed is None else fixed[0], []).append(p)
+    return list(groups.values())
 
 
 def _has(polys: Sequence[Poly], p: Poly) -> bool:
@@ -705,21 +675,14 @@ def design_form(lengths: Lengths, joints: Sequence[str], seconds: float) -> Desi
         angles=lengths.angles,
         generic_rank=rank,
         families=tuple(f for f, _ in families),
-        assumed=tuple(_not_zero(assumed, design)),
+        assumed=tuple(
+            design.text(math.prod(g)).replace(" = ", " ≠ ") for g in _grouped(assumed, ring)
+        ),
         changes=tuple(changes),
         complete=not gaps,
         gaps=tuple(gaps),
         seconds=time.monotonic() - began,
     )
-
-
-def _not_zero(assumed: Sequence[Poly], design: DesignNames) -> list[str]:
-    """Return what must not be zero; of a twist all together, sin alpha2."""
-    groups: dict[object, list[Poly]] = {}
-    for p in assumed:
-        fixed = design.ring.joint_value(p)
-        groups.setdefault(str(p) if fixed is None else fixed[0], []).append(p)
-    return [design.text(math.prod(g)).replace(" = ", " ≠ ") for g in groups.values()]
 
 
 def _symbolic(lengths: Lengths, ring: Ring) -> Any:

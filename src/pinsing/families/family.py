@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pinsing.algebra.components import Component
-from pinsing.algebra.conditions import GAP, Branch, Conditions, SearchOptions
+from pinsing.algebra.conditions import GAP, Branch, Conditions, SearchOptions, nearest_points
 from pinsing.algebra.equation import PLAIN, Equation, format_angle, latex_symbol
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.families.at_once import LONG, AtOnce, SolvedFor, long_form, long_ones
@@ -26,7 +26,6 @@ from pinsing.families.zero_set import (
     SearchBox,
     Stop,
     near,
-    nearest,
     own_drawn,
     own_nearest,
     search,
@@ -426,13 +425,21 @@ class Family(JsonResult):
         ConfigurationError.refuse_if(
             q.ndim != 1, f"distance takes one configuration, got shape {q.shape}"
         )
-        options = SearchOptions(gap, boxes, within_limits)
+        # Among joint values what was found is the nearest.
         exact = all(not b.equations for b in self.branches)
-        conditions = self.conditions(weights, norm)
-        found = nearest(conditions, q, self.limits, options, exact)
-        if found is None:
-            raise ConfigurationError(f"family {self.name}: no real point was found on it")
-        if self.confirm is None or not np.isfinite(found.q).all() or self.confirm(found.q[None])[0]:
+        conditions, options = (
+            self.conditions(weights, norm),
+            SearchOptions(gap, boxes, within_limits),
+        )
+        near_points = nearest_points(conditions, q[None], *self.limits, options)
+        upper, point = float(near_points.upper[0]), near_points.q[0]
+        if near_points.family[0] < 0:
+            if not within_limits:
+                raise ConfigurationError(f"family {self.name}: no real point was found on it")
+            point = np.full(self.n, np.nan)
+        lower = upper if exact else float(near_points.lower[0])
+        found = Distance(upper, point, exact, lower, upper)
+        if self.confirm is None or not np.isfinite(point).all() or self.confirm(point[None])[0]:
             return found
         limits = self.limits if within_limits else None
         return own_nearest(found, conditions, self.branches, self.space, q, limits, self.confirm)

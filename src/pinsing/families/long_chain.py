@@ -27,7 +27,7 @@ import itertools
 import math
 import random
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
@@ -358,18 +358,23 @@ class LongChain:
             if not any(inside(c, k, ring) or (len(points) and points.on(k)) for k in known):
                 self.components.append(c)
 
+    @contextmanager
+    def _counted(self, end: str) -> Iterator[None]:
+        """What does not fit into the time is an end that stays open."""
+        try:
+            yield
+        except BudgetExceeded:
+            self.open_ends[end] += 1
+
     def _by_real_points(self) -> None:
         """Judge the first of the systems that were left for later."""
         place, relations = self._later.pop(0)
         if self._covered(place, relations):
             return
-        try:
+        with self._counted("too_long"):
             self._judge_real(place, relations, (), 0)
-        except BudgetExceeded:
-            self.open_ends["too_long"] += 1
-            return
-        if self.time.over and not self._covered(place, relations):
-            self._later.append((place, relations))  # points were looked for but shortly
+            if self.time.over and not self._covered(place, relations):
+                self._later.append((place, relations))  # points were looked for but shortly
 
     @contextmanager
     def _part(self, share: float) -> Iterator[None]:
@@ -377,9 +382,8 @@ class LongChain:
         whole = self.time
         self.time = self._minors.time = self.maker.time = whole.part(share)
         try:
-            yield
-        except BudgetExceeded:
-            self.open_ends["too_long"] += 1
+            with self._counted("too_long"):
+                yield
         finally:
             self.time = self._minors.time = self.maker.time = whole
 
@@ -390,10 +394,8 @@ class LongChain:
             if self._covered(place):
                 continue
             self.open_ends["places"] += 1
-            try:
+            with self._counted("waiting"):
                 self._search(place)
-            except BudgetExceeded:
-                self.open_ends["waiting"] += 1
             if first and not self.time.over:
                 # Shares of the time for the general case by real points, and for what such groups
                 # tell.
@@ -458,20 +460,16 @@ class LongChain:
                 continue
             try:
                 polys.append(self._minors.minor([*near, j], place))
-            except NotSquare:
+            except (NotSquare, BudgetExceeded) as reason:
                 self.open_ends["too_long"] += 1
-            except BudgetExceeded:
-                self.open_ends["too_long"] += 1
-                if self.time.over:
+                if self.time.over and isinstance(reason, BudgetExceeded):
                     raise
-        if not polys:
-            return
-        self._branch(place, [self.ring.factors(p, self.time) for p in polys])
+        factors = [self.ring.factors(p, self.time) for p in polys]
+        if polys and all(factors):  # none of the minors is nowhere zero
+            self._branch(place, factors)
 
     def _branch(self, place: Places, factors: Sequence[list[Poly]]) -> None:
         """Go on at joint values; judge what is left."""
-        if any(not fs for fs in factors):
-            return  # one of the minors is nowhere zero
         values = [[v for f in fs if (v := self.ring.joint_value(f))] for fs in factors]
         others = [[f for f in fs if not self.ring.joint_value(f)] for fs in factors]
         only = [v for v, o in zip(values, others, strict=True) if not o]
@@ -559,33 +557,38 @@ class LongChain:
         codimension = len(place) + len(relations)
         if len(regular) and codimension < self.limit and not more:
             # What else is singular there is smaller, and lies where one minor more is zero.
-            self._cut(place, relations, regular)
+            minors = cutting(self._minors, self._columns(place), place, regular, 1)
+            self.open_ends["uncut"] += not minors
+            for f in self.ring.factors(minors[0], self.time) if minors else ():
+                self._where(place, [f], lambda fs: self._judge(place, (*relations, *fs)))
         if len(singular) and len(regular):
             # Parts of one size, which some minors more tell apart, unless these are long.
             # Times that regular parts are told apart by some equations more.
             told = self._telling(place, every, regular) if rounds < 2 else ()
             if told:
-                self._tell_apart(place, relations, more, told, rounds)
+                factors = [self.ring.factors(t, self.time) for t in told]
+                # Combinations of factors of these that are judged one by one.
+                if math.prod(map(len, factors)) > 16:
+                    self._judge(place, relations, (*more, *told), rounds + 1)
+                    return
+                for some in itertools.product(*factors):
+                    self._where(
+                        place,
+                        some,
+                        lambda fs: self._judge(place, relations, (*more, *fs), rounds + 1),
+                    )
                 return
         if len(singular):
             self._add(place, every, codimension, singular)
 
-    def _tell_apart(
-        self, place: Places, relations: Relations, more: Relations, told: Relations, rounds: int
+    def _where(
+        self, place: Places, some: Sequence[Poly], judge: Callable[[Relations], None]
     ) -> None:
-        """Judge the part of some equations on which others are zero too, factor by factor."""
-        factors = [self.ring.factors(t, self.time) for t in told]
-        # Combinations of factors of these that are judged one by one.
-        if math.prod(map(len, factors)) > 16:
-            self._judge(place, relations, (*more, *told), rounds + 1)
-            return
-        for some in itertools.product(*factors):
-            if fixed := next((v for f in some if (v := self.ring.joint_value(f))), None):
-                self._push({**place, fixed[0]: fixed[1]})
-            else:
-                self._judge(
-                    place, relations, (*more, *{str(f): f for f in some}.values()), rounds + 1
-                )
+        """Go on where irreducible equations are zero, too: at a joint value, or as is judged."""
+        if fixed := next((v for f in some if (v := self.ring.joint_value(f))), None):
+            self._push({**place, fixed[0]: fixed[1]})
+        else:
+            judge(tuple({str(f): f for f in some}.values()))
 
     def _telling(self, place: Places, relations: Relations, regular: MetPoints) -> Relations:
         """Minors that are zero where all are, and not at regular points; none if these are long."""
@@ -596,18 +599,6 @@ class LongChain:
         minors = cutting(self._minors, self._columns(place), place, regular, self.n)
         told = {str(m): m for m in minors if len(m) <= 400}
         return tuple(m for name, m in told.items() if name not in known)
-
-    def _cut(self, place: Places, relations: Relations, regular: MetPoints) -> None:
-        """Go on inside some equations with one minor that cuts what is regular of them."""
-        minors = cutting(self._minors, self._columns(place), place, regular, 1)
-        if not minors:
-            self.open_ends["uncut"] += 1
-            return
-        for f in self.ring.factors(minors[0], self.time):
-            if fixed := self.ring.joint_value(f):
-                self._push({**place, fixed[0]: fixed[1]})
-            else:
-                self._judge(place, (*relations, f))
 
     # What was found -------------------------------------------------------------------
 

@@ -8,7 +8,6 @@ joint that none of those solved before it has, so that these still hold.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -18,9 +17,7 @@ import numpy as np
 from pinsing.algebra.conditions import (
     Branch,
     Conditions,
-    SearchOptions,
     halved,
-    nearest_points,
     weighted_sum,
 )
 from pinsing.algebra.equation import Equation, System
@@ -78,59 +75,40 @@ Order = tuple[Step, ...]
 
 def orders(equations: Sequence[Equation], free: Bool) -> list[Order]:
     """Ways to solve equations one by one, each for a ``free`` joint of its own; or none."""
-    if len(equations) > MOST_ORDERED:
-        # As many of the simplest as can be solved one after the other.
-        simple = sorted(equations, key=lambda e: (len(e.involved), len(e.cos)))
-        for count in range(len(simple), 1, -1):
-            ways = [peeled(simple[:count], free, prefer) for prefer in (1, -1, 0)]
-            if any(ways):
-                return [way for way in ways if way]
-        return []
-    if not equations:
-        return []
-    solvable = {
-        id(e): [(j, k) for j in e.involved if free[j] and (k := e.enters(j))] for e in equations
-    }
-    if not all(solvable.values()):
-        return []
-    found: list[Order] = []
-    for ordered in itertools.permutations(equations):
-        for joints in itertools.product(*(solvable[id(e)] for e in ordered)):
-            steps = tuple(Step(e, j, k) for e, (j, k) in zip(ordered, joints, strict=True))
-            if all(
-                later.joint not in earlier.equation.involved
-                for i, later in enumerate(steps)
-                for earlier in steps[:i]
-            ):
-                found.append(steps)
-    # Different joints first: what one of them seldom has a value for another one may.
-    found.sort(key=lambda steps: sum(s.kind in ("two", "opposite") for s in steps))
-    # Ways to solve that are made use of.
-    return found[:3]
+    # Of many as many of the simplest as can be solved one after the other.
+    simple = sorted(equations, key=lambda e: (len(e.involved), len(e.cos)))
+    fewest = 2 if len(simple) > MOST_ORDERED else max(1, len(simple))
+    for count in range(len(simple), fewest - 1, -1):
+        ways = [peeled(simple[:count], free, k) for k in range(3)]
+        if any(ways):
+            return [way for way in ways if way]
+    return []
 
 
-def peeled(equations: Sequence[Equation], free: Bool, prefer: int = 0) -> Order | None:
+def peeled(equations: Sequence[Equation], free: Bool, way: int = 0) -> Order | None:
     """Return an order to solve equations in: a joint that only one has comes last."""
-    # ``prefer`` 1: joints near the base are solved for last; -1: those near the tip; 0: by turns.
-    left = list(equations)
+    # Of many: joints near the base and near the tip by turns, those near the base (way 1) or near
+    # the tip (2) come last. Of few: those with one solution first, what one of them seldom has a
+    # value for another one may.
+    left, few = list(equations), len(equations) <= MOST_ORDERED
     steps: list[Step] = []
     while left:
         count = np.zeros(len(free), dtype=int)
         for e in left:
             count[list(e.involved)] += 1
         options = [
-            (j, e, kind)
+            Step(e, j, kind)
             for e in left
             for j in e.involved
             if free[j] and count[j] == 1 and (kind := e.enters(j))
         ]
         if not options:
             return None
-        options.sort(key=lambda option: option[0])
-        first = prefer > 0 or (prefer == 0 and len(steps) % 2 == 0)
-        j, e, kind = options[0 if first else -1]
-        steps.append(Step(e, j, kind))
-        left = [other for other in left if other is not e]
+        options.sort(key=lambda step: (few and step.kind in ("two", "opposite"), step.joint))
+        near_tip = way == 2 or (way == 0 and len(steps) % 2 == 1)
+        chosen = options[way % len(options) if few else -int(near_tip)]
+        steps.append(chosen)
+        left = [e for e in left if e is not chosen.equation]
     return tuple(reversed(steps))
 
 
@@ -570,24 +548,6 @@ def near(
             good[good] = confirm(moved[good])
         found[close] |= good
     return found
-
-
-def nearest(
-    conditions: Conditions,
-    q: Array,
-    limits: tuple[Array, Array],
-    options: SearchOptions,
-    exact: bool,
-) -> Distance | None:
-    """Return the distance from q (n,) to where conditions hold; None without a known real point."""
-    # ``exact``: what was found is the nearest, as among joint values.
-    found = nearest_points(conditions, q[None], *limits, options)
-    lower, upper, point = float(found.lower[0]), float(found.upper[0]), found.q[0]
-    if found.family[0] < 0:
-        if not options.within_limits:
-            return None
-        point = np.full(len(q), np.nan)
-    return Distance(upper, point, exact, upper if exact else lower, upper)
 
 
 def own_nearest(
