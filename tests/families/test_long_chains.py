@@ -97,7 +97,7 @@ def test_thirteen_joints_are_answered(thirteen):
     assert pinsing.Family.from_json(family.to_json()).at_once[0].lines() == said.lines()
     # A joint that one equation has alone is solved for last.
     equations, every = family.branches[0].equations, np.ones(13, dtype=bool)
-    order = peeled(equations, every)
+    order = peeled(equations, every, 2)
     assert len(order) == len(equations)
     solved = [step.joint for step in order]
     for k, step in enumerate(order):

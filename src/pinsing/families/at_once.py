@@ -493,7 +493,7 @@ def _peeled(rows: _Rows, rank: int) -> _Following | None:
     for row in rows:
         if len(some) < rank and rank_of(np.array([s for _, s in (*some, row)])) > len(some):
             some.append(row)
-    order = peeled([e for e, _ in some], np.ones(len(rows[0][1]), dtype=bool))
+    order = peeled([e for e, _ in some], np.ones(len(rows[0][1]), dtype=bool), 2)
     if order is None or len(some) < rank:
         return None
     told = []

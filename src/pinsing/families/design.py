@@ -357,15 +357,13 @@ def of_table(arm: Arm, table: DHTable, chosen: Sequence[str] | None, angle_tol: 
         rest=rest,
     )
     # Whether the sums are the chain: else a length stands where angles were moved.
-    for i, vector in enumerate(geometry.translation):
-        for k, value in enumerate(vector):
-            each = (v * float(p[i][k]) for v, p in zip(made.values, parts, strict=True))
-            total = math.fsum(each) + float(rest[i][k])
-            OptionError.refuse_if(
-                abs(total - float(value)) > 1e-9 * max(1.0, abs(float(value))),
-                "the placements of the table are no plain sums of its lengths: its angles are "
-                "too far from exact ones for symbols",
-            )
+    whole, plain, each = (np.array(x, dtype=float) for x in (geometry.translation, rest, parts))
+    off = np.abs(plain + np.tensordot(made.values, each, 1) - whole)
+    OptionError.refuse_if(
+        bool((off > 1e-9 * np.maximum(1.0, np.abs(whole))).any()),
+        "the placements of the table are no plain sums of its lengths: its angles are "
+        "too far from exact ones for symbols",
+    )
     return made
 
 

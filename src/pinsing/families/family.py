@@ -98,26 +98,22 @@ def values_reached(
 ) -> tuple[ValueReach, ...]:
     """Return each value at which branches fix a joint, and whether the limits allow it."""
     # ``met`` tells if a configuration within the limits was found on such a branch.
-    known: dict[tuple[int, float], Reachability] = {}
-    exact = {(v.joint, round(v.value, 9)): v.value for b in branches for v in b.values}
-    if reached in (Reachability.OUTSIDE, Reachability.UNKNOWN):
-        known |= dict.fromkeys(exact, reached)
-    else:
-        for branch in branches:
-            if not branch.values:
-                continue
-            # A branch is where all its values are, so one that is outside takes it all there.
-            allowed = all(_inside(v.value, v.joint, limits, prismatic) for v in branch.values)
-            found = allowed and (not branch.equations or met(branch))
-            for v in branch.values:
-                inside = _inside(v.value, v.joint, limits, prismatic)
-                here: Reachability = reached if found else Reachability.UNKNOWN
-                if not allowed:
-                    here = Reachability.OUTSIDE
-                key = v.joint, round(v.value, 9)
-                best = min(known.get(key, here), here, key=_BEST_FIRST.index)
-                known[key] = best if inside else Reachability.OUTSIDE
-    return tuple(ValueReach(key[0], exact[key], known[key]) for key in sorted(known))
+    known: dict[tuple[int, float], tuple[float, Reachability]] = {}
+    settled = reached in (Reachability.OUTSIDE, Reachability.UNKNOWN)
+    for branch in branches:
+        fits = [settled or _inside(v.value, v.joint, limits, prismatic) for v in branch.values]
+        here: Reachability = reached
+        # A branch is where all its values are, so one that is outside takes it all there.
+        if not all(fits):
+            here = Reachability.OUTSIDE
+        elif fits and not settled and branch.equations and not met(branch):
+            here = Reachability.UNKNOWN
+        for v, within in zip(branch.values, fits, strict=True):
+            key = v.joint, round(v.value, 9)
+            _, before = known.get(key, (0.0, here))
+            best = min(before, here, key=_BEST_FIRST.index)
+            known[key] = v.value, best if within else Reachability.OUTSIDE
+    return tuple(ValueReach(joint, *known[joint, value]) for joint, value in sorted(known))
 
 
 def _inside(value: float, joint: int, limits: tuple[Array, Array], prismatic: Bool) -> bool:
@@ -157,8 +153,9 @@ def spread(
     rng: np.random.Generator,
     rounds: int,
     stop: Stop | None = None,
+    own: OwnPoints | None = None,
 ) -> Array:
-    """Return up to ``count`` points (k, n), about as many of each branch in its box."""
+    """Return up to ``count`` ``own`` points (k, n), about as many of each branch in its box."""
     alive = [held[i] for i in rng.permutation(len(held))]
     parts = [np.zeros((0, n))]
     missing = count
@@ -169,17 +166,13 @@ def spread(
             if some == 0:
                 continue
             part = search(branch.equations, box, int(some), rng, rounds, stop)
-            parts.append(part)
-            missing -= len(part)
             if not len(part):
                 alive = [a for a in alive if a[1] is not box]
+            parts.append(part if own is None else part[own(part)])
+            missing -= len(parts[-1])
         if missing == 0 or not alive or (stop is not None and stop()):
             break
     return np.concatenate(parts)
-
-
-_AGAIN = 3
-"""Times that points are looked for again, where some were not the family's own; or in vain."""
 
 
 def asked_for(families: Mapping[str, Family], names: Iterable[str]) -> tuple[str, ...]:
@@ -600,19 +593,10 @@ class Family(JsonResult):
             far = widen * self.length_scale
             low, high = lower - far * below, upper + far * above
             held = [(b, SearchBox.of(b, low, high, v)) for b, v in usable]
-            found = self._own(spread(held, self.n, n, rng, rounds, stop))
+            found = spread(held, self.n, n, rng, rounds, stop, self.confirm)
             if len(found) < n and self.confirm is not None:
                 given = self.space, within_limits, self.confirm, n - len(found), rng, stop
                 found = np.concatenate([found, own_drawn(held, *given)])
-            idle = 0
-            # The same where nothing limits the time.
-            again = _AGAIN if stop is not None else 40
-            for _ in range(again if len(found) and self.confirm is not None else 0):
-                if len(found) == n or idle == _AGAIN or (stop is not None and stop()):
-                    break
-                more = self._own(spread(held, self.n, n, rng, rounds, stop))
-                idle = 0 if len(more) else idle + 1
-                found = np.concatenate([found, more])[:n]
             if len(found) or not (below.any() or above.any()):
                 break
         return self._sharpened(found, within_limits)
@@ -630,12 +614,6 @@ class Family(JsonResult):
         lower, upper = self.limits
         outside = ((sharp < lower - 1e-9) | (sharp > upper + 1e-9)).any(axis=-1)
         return sharp[~outside] if within_limits else sharp
-
-    def _own(self, points: Array) -> Array:
-        """Those of some points (N, n) of the equations that are the family's own."""
-        if self.confirm is None or not len(points):
-            return points
-        return np.asarray(points[self.confirm(points)])
 
     @checked
     def box(self, within_limits: bool) -> tuple[Array, Array]:
@@ -733,23 +711,21 @@ class Family(JsonResult):
             ConfigurationError.refuse_if(
                 at.ndim != 1, f"q is one configuration, got shape {at.shape}"
             )
-            return " and ".join(f"{names[j]} = {self._value(at, j)}" for j in sorted(fixed))
-        solved = [(t, _VALUES.search(t)) for t in self._parts()]
+            said = []
+            for j in sorted(fixed):
+                angle = self._copy(float(-self.space.wrap(-at)[j]), j)
+                degrees = f"{round(math.degrees(angle), 2) + 0.0:g}°"
+                value = f"{at[j]:.4g} m" if self.prismatic[j] else degrees
+                said.append(f"{names[j]} = {value}")
+            return " and ".join(said)
+        # Its conditions one by one, where they hold at once.
+        parts = [self.text] if "; or " in self.text else self.text.split(" and ")
+        solved = [(t, _VALUES.search(t)) for t in parts]
         said = [t if m is None else m[1] if every else self._reached(m) for t, m in solved]
         if equations and (len(self.text) > 72 or "φ" in self.text):
             others = listed([names[j] for j in names if j not in fixed])
             said = [*said[: len(fixed)], f"an equation in {others}"]
         return _NUMBERED.sub(lambda s: names.get(int(s[1]) - 1, s[0]), " and ".join(said))
-
-    def _value(self, q: Array, j: int) -> str:
-        if self.prismatic[j]:
-            return f"{q[j]:.4g} m"
-        value = self._copy(float(-self.space.wrap(-q)[j]), j)
-        return f"{round(math.degrees(value), 2) + 0.0:g}°"
-
-    def _parts(self) -> list[str]:
-        """Its conditions one by one, where they hold at once."""
-        return [self.text] if "; or " in self.text else self.text.split(" and ")
 
     def _reached(self, said: re.Match[str]) -> str:
         """``q3 = 5.3849°`` of ``q3 = 5.3849° or -174.6151°``, where limits exclude the other."""

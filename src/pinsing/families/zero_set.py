@@ -87,9 +87,8 @@ def orders(equations: Sequence[Equation], free: Bool) -> list[Order]:
 
 def peeled(equations: Sequence[Equation], free: Bool, way: int = 0) -> Order | None:
     """Return an order to solve equations in: a joint that only one has comes last."""
-    # Of many: joints near the base and near the tip by turns, those near the base (way 1) or near
-    # the tip (2) come last. Of few: those with one solution first, what one of them seldom has a
-    # value for another one may.
+    # Of many those near the base (way 0), near the tip (1), or both by turns (2) come last. Of few
+    # those with one solution first: what one of them seldom has a value for another one may.
     left, few = list(equations), len(equations) <= MOST_ORDERED
     steps: list[Step] = []
     while left:
@@ -105,7 +104,7 @@ def peeled(equations: Sequence[Equation], free: Bool, way: int = 0) -> Order | N
         if not options:
             return None
         options.sort(key=lambda step: (few and step.kind in ("two", "opposite"), step.joint))
-        near_tip = way == 2 or (way == 0 and len(steps) % 2 == 1)
+        near_tip = way == 1 or (way == 2 and len(steps) % 2 == 1)
         chosen = options[way % len(options) if few else -int(near_tip)]
         steps.append(chosen)
         left = [e for e in left if e is not chosen.equation]

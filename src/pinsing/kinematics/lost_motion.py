@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import chain, combinations
 
 import numpy as np
 
@@ -76,7 +76,8 @@ class JointAxes:
 
     def pass_through(self, ids: Sequence[int], point: Array, tol: float) -> bool:
         """Return True if all these turning axes pass through a point (3,)."""
-        return bool((np.linalg.norm(self.twists(ids, point)[:, :3], axis=1) <= tol).all())
+        far = tol * self.size
+        return all(length(cross(self.direction[i], point - self.point[i])) <= far for i in ids)
 
     def meeting_point(self, ids: Sequence[int], tol: float) -> Array | None:
         """Return the point (3,) that all these turning axes pass through, if there is one."""
@@ -402,7 +403,8 @@ class ColumnRanks:
             if math.comb(len(ids), size) > 60_000:
                 yield tuple(ids)
                 return
-            sets = np.array(list(combinations(ids, size)), dtype=np.intp)
+            flat = chain.from_iterable(combinations(ids, size))
+            sets = np.fromiter(flat, np.intp).reshape(-1, size)
             yield from map(tuple, sets[self._nullities(sets) >= nullity].tolist())
 
 
