@@ -9,7 +9,6 @@ points only, such as the stretched arm in 0.3 cos q2 + 0.2 cos(q2+q3) + 0.5 = 0.
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
 from collections.abc import Mapping, Sequence
@@ -24,7 +23,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import fourier
 from pinsing.algebra.ring import Poly, Ring, Value, coefficients_by, terms_of, whole_terms
 from pinsing.errors import Refusal
-from pinsing.robot.surd import SQUARES, Exact, Surd, parts_of, surd
+from pinsing.robot.surd import parts_of
 
 
 @dataclass(frozen=True)
@@ -60,27 +59,22 @@ def real_roots(poly: Poly, joint: int, ring: Ring) -> list[AlgebraicValue]:
     what is left is right when it is no more than the polynomial has complex roots.
     """
     first, last = ring.variables(joint)[0], ring.variables(joint)[-1]
-    found = ring.terms(poly)
-    infinite = first != last and min(m[first] for m in found) > 0
-    terms: dict[int, Exact] = {int(m[last]): c for m, c in found.items()}
-    own = [terms.get(i, Fraction(0)) for i in range(max(terms) + 1)]
-    images, norm = {tuple(own)}, own
-    if any(isinstance(c, Surd) for c in own):
-        images = {
-            tuple(surd(p, q * a, r * b, s * a * b) for p, q, r, s in map(parts_of, own))
-            for a, b in ((1, 1), (-1, 1), (1, -1), (-1, -1))
-        }
-        rows = [np.array(row, dtype=object) for row in images]
-        norm = functools.reduce(np.convolve, rows).tolist()
-    plain = [parts_of(c)[0] for c in norm]  # the square roots cancel
-    scale = math.lcm(*(c.denominator for c in plain))
-    factors = [f for f, _ in fmpz_poly([int(c * scale) for c in plain]).factor()[1]]
+    infinite = first != last and min(m[first] for m in poly.monoms()) > 0
+    norm = poly
+    for k in reversed(range(len(ring.roots))):
+        parts = coefficients_by(norm, (ring.nvars + k,))
+        if (1,) in parts:
+            plain, times_root = parts.get((0,)) or ring.zero, parts[1,]
+            norm = ring.reduce(plain * plain - ring.roots[k] * times_root * times_root)
+    factors = _line(whole_terms(norm), last).factor()[1]
     for bits in (400, 1_600, 6_400):
         with ctx.workprec(bits):
-            met = [(z, f) for f in factors for z, _ in f.complex_roots()]
-            if len(images) > 1:
-                met = [(z, f) for z, f in met if _may_vanish(own, acb(z))]
-            if len(images) == 1 or len(met) < len(own):
+            met = [(z, f) for f, _ in factors for z, _ in f.complex_roots()]
+            if ring.roots:
+                at = [acb(1)] * ring.nvars + [acb(d).sqrt() for d in ring.roots]
+                all_at = ([*at[:last], acb(z), *at[last + 1 :]] for z, _ in met)
+                met = [m for m, x in zip(met, all_at, strict=True) if _value(poly, x).contains(0)]
+            if len(met) <= poly.degrees()[last]:
                 real = [
                     AlgebraicValue(arb(z.real), tuple(int(c) for c in f.coeffs()))
                     for z, f in met
@@ -90,16 +84,10 @@ def real_roots(poly: Poly, joint: int, ring: Ring) -> list[AlgebraicValue]:
     raise ArithmeticError("roots of a polynomial with square roots in it were not told apart")
 
 
-def _may_vanish(coefficients: list[Exact], root: acb) -> bool:
-    """Return True if zero is among the possible values at a root."""
-    total = acb(0)
-    for c in reversed(coefficients):
-        parts = zip(SQUARES, parts_of(c), strict=True)
-        value = sum(
-            (arb(p.numerator) / arb(p.denominator) * arb(k).sqrt() for k, p in parts), arb(0)
-        )
-        total = total * root + acb(value)
-    return bool(total.contains(0))
+def _line(terms: Mapping[Any, Any], variable: int) -> fmpz_poly:
+    """A polynomial in one variable, or a form in it and another one."""
+    powers = {m[variable]: c for m, c in terms.items()}
+    return fmpz_poly([powers.get(k, 0) for k in range(max(powers) + 1)])
 
 
 _SHORT = (2, 60, 16)
@@ -220,9 +208,7 @@ def _eliminant(basis: Sequence[Any]) -> list[fmpz_poly]:
         if p.is_constant():
             return []
         if not any(p.degrees()[:-1]):
-            powers = {int(m[-1]): int(c) for m, c in terms_of(p).items()}
-            line = fmpz_poly([powers.get(k, 0) for k in range(max(powers) + 1)])
-            return [f for f, _ in line.factor()[1]]
+            return [f for f, _ in _line(terms_of(p), -1).factor()[1]]
     raise NotFinite
 
 
@@ -231,7 +217,7 @@ def _value(poly: Any, at: Sequence[acb]) -> acb:
     total = acb(0)
     for powers, c in terms_of(poly).items():
         factors = (x ** int(e) for x, e in zip(at, powers, strict=True) if e)
-        total += math.prod(factors, start=acb(int(c)))
+        total += math.prod(factors, start=acb(c))
     return total
 
 
@@ -266,17 +252,10 @@ def changes_sign(poly: Poly, ring: Ring) -> bool:
 def _sign(poly: Poly, point: Sequence[int], ring: Ring) -> int:
     """Sign of the value at a point, 0 where it is not told from zero."""
     if ring.rational:
-        value = poly(*(fmpq(x) for x in point))
-        return int(value > 0) - int(value < 0)
-    total: Fraction | Surd = Fraction(0)
-    size = 0.0
-    for m, c in ring.terms(poly).items():
-        factor = math.prod(x**e for x, e in zip(point, m, strict=True))
-        total = total + c * factor
-        size += sum(abs(float(p)) for p in parts_of(c)) * 2.5 * abs(factor)
-    value = float(total)
-    # A value with square roots counts as positive from this share of its terms on.
-    return 0 if abs(value) <= 1e-6 * size else (1 if value > 0 else -1)
+        value = poly(*map(fmpq, point))
+    else:
+        value = _value(poly, [*map(acb, point), *(acb(d).sqrt() for d in ring.roots)]).real
+    return int(value > 0) - int(value < 0)
 
 
 def isolated_zeros(poly: Poly, ring: Ring, time: Budget) -> list[Solution] | None:

@@ -275,81 +275,44 @@ class ModularSet:
     def __init__(self, component: Component, ring: Ring, prime: int) -> None:
         self.p = prime
         self.values = {j: value_modulo(x, prime) for j, x in component.values.items()}
-        self.relations = [_Split(_residues(r, ring, prime), prime) for r in component.relations]
-        self.variables = [
-            (j, k) for j in range(len(ring.prismatic)) for k in range(len(ring.variables(j)))
-        ]
+        self.relations = [_residues(r, ring, prime) for r in component.relations]
+        joints = [j for j in range(len(ring.prismatic)) for _ in ring.variables(j)]
+        self.variables = [v - ring.start[j] for v, j in enumerate(joints)], joints
+        # Powers of a generator, and which of them each number is: products become sums, negative
+        # with zero.
+        of_each = ([pow(g, k, prime) for k in range(prime - 1)] for g in range(2, prime))
+        self._powers = next(found for found in of_each if len(set(found)) == len(found))
+        self._logarithm = np.full(prime, -1e5, dtype=np.float32)
+        self._logarithm[self._powers] = range(prime - 1)
 
     def holds(self, points: Ints) -> Bool:
         """Return which of some points (2, n, N) lie on it."""
         on = np.ones(points.shape[2], dtype=bool)
         for j, v in self.values.items():
             on &= at_value(points[:, j], v, self.p)
-        for relation in self.relations:
+        for exponents, factors in self.relations:
             left = np.flatnonzero(on)
-            if not len(left):
-                break
-            at = np.array([points[k, j, left] for j, k in self.variables])
-            on[left] = relation.value(at) == 0
+            # Terms at points that are computed at once.
+            step = max(1, 2_000_000 // len(factors))
+            for some in (left[first : first + step] for first in range(0, len(left), step)):
+                sums = exponents @ self._logarithm[points[..., some][self.variables]]
+                index = np.maximum(sums, -1).astype(np.int32)
+                powers = np.resize(np.array(self._powers, dtype=float), index.max() + 1)
+                on[some] = factors @ np.append(powers, 0.0)[index] % self.p == 0
         return on
 
 
-class _Split:
-    """A polynomial modulo a prime, in two groups of variables, so that powers are made once."""
-
-    def __init__(self, terms: Mapping[tuple[int, ...], int], prime: int) -> None:
-        self.p = prime
-        monomials = list(terms)
-        width = len(monomials[0]) if monomials else 0
-        self.cut = min(
-            range(width + 1),
-            key=lambda c: sum(
-                len({m[s] for m in monomials}) for s in (slice(None, c), slice(c, None))
-            ),
-        )
-        groups: dict[tuple[int, ...], tuple[list[int], list[int]]] = {}
-        number: dict[tuple[int, ...], int] = {}
-        for m, c in terms.items():
-            index, factors = groups.setdefault(m[: self.cut], ([], []))
-            index.append(number.setdefault(m[self.cut :], len(number)))
-            factors.append(c)
-        self.first, self.second = list(groups), list(number)
-        self.beside = [(np.array(i), np.array(c, dtype=float)) for i, c in groups.values()]
-
-    def value(self, at: Ints) -> Ints:
-        """At values (variables, N)."""
-        total = np.zeros(at.shape[1], dtype=np.int64)
-        if not self.first:
-            return total
-        one = _monomials(self.first, at[: self.cut], self.p)
-        # Sums of products of two residues, exact in floats up to 1e12 of them.
-        other = _monomials(self.second, at[self.cut :], self.p).astype(float)
-        for first, (index, factors) in zip(one, self.beside, strict=True):
-            total += first * ((factors @ other[index]).astype(np.int64) % self.p)
-        return total % self.p
-
-
-def _monomials(exponents: Sequence[tuple[int, ...]], at: Ints, p: int) -> Ints:
-    """Products of powers (K, N) of values (variables, N)."""
-    out = np.ones((len(exponents), at.shape[1]), dtype=np.int64)
-    for v, powers in enumerate(zip(*exponents, strict=True)):
-        table = [np.ones_like(at[v])]
-        for _ in range(max(powers)):
-            table.append(table[-1] * at[v] % p)
-        out = out * np.array(table)[list(powers)] % p
-    return out
-
-
-def _residues(poly: Poly, ring: Ring, prime: int) -> dict[tuple[int, ...], int]:
-    """Return a polynomial's coefficients modulo a prime, not all multiples of it."""
-    # If square roots make all zero nevertheless, it counts as nowhere zero: points are left over
-    # rather than taken in.
+def _residues(poly: Poly, ring: Ring, prime: int) -> tuple[NDArray[np.float32], Array]:
+    """Return exponents (K, V) of a polynomial's terms, and coefficients (K,) modulo a prime."""
+    # Not all are multiples of the prime. If square roots make all zero nevertheless, it counts as
+    # nowhere zero: points are left over rather than taken in.
     terms = ring.terms(poly)
     parts = [part for c in terms.values() for part in parts_of(c) if part]
     bottom = math.lcm(*(part.denominator for part in parts))
     scale = Fraction(bottom, math.gcd(*(int(part * bottom) for part in parts)))
     found = {m: r for m, c in terms.items() if (r := residue(c * scale, prime))}
-    return found or {(0,) * ring.nvars: 1}
+    found = found or {(0,) * ring.nvars: 1}
+    return np.array([*found], dtype=np.float32), np.array([*found.values()], dtype=float)
 
 
 def joints_that_matter(geometry: Nominal, task: Task) -> tuple[int, ...]:
