@@ -7,9 +7,9 @@ from singular_sets import check_all
 from tiers import tiered_rows
 from urdf_text import J, frame, urdf
 
-from pinsing.algebra.mimic import NotFollowed, drives
 from pinsing.families import closed_form
 from pinsing.robot.load import load
+from pinsing.robot.mimic import NotFollowed, drives
 from pinsing.robot.nominal import nominal
 
 Z = "0 0 1"

@@ -14,10 +14,10 @@ from urdf_text import J, Z, frame, urdf
 import pinsing
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.jacobian_matrix import NearMinors
-from pinsing.algebra.mimic import own_jacobian_modulo
 from pinsing.families.describe import PieceMaker
 from pinsing.families.zero_set import OwnPoints, SearchBox
 from pinsing.kinematics.jacobian import ratios, task_jacobians
+from pinsing.robot.mimic import own_jacobian_modulo
 from pinsing.robot.nominal import PRIMES, nominal
 
 LENGTHS, OFFSETS, TWISTS = (0.2, 0.15, 0.25), (0.1, 0.05), (90, -90)

@@ -10,8 +10,8 @@ from flint import nmod_mat
 from tiers import tiered
 
 import pinsing
-from pinsing.algebra.mimic import own_jacobian_modulo
 from pinsing.families.slices import ModularChain, joints_that_matter
+from pinsing.robot.mimic import own_jacobian_modulo
 from pinsing.robot.nominal import nominal
 
 TASKS = [

@@ -22,8 +22,8 @@ from typing import Any
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.generic_points import SlicePoint
-from pinsing.algebra.mimic import driven_by, drives
 from pinsing.algebra.ring import MadeOnce, Matrix, Monomial, Poly, Ring, Value
+from pinsing.robot.mimic import driven_by, drives
 from pinsing.robot.nominal import Matrix as Rotation, Nominal
 from pinsing.robot.surd import Exact
 from pinsing.robot.task import Task

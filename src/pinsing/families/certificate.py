@@ -27,7 +27,6 @@ from flint import fmpq_mat
 
 from pinsing.algebra.budget import Apart, Budget, BudgetExceeded
 from pinsing.algebra.jacobian_matrix import constants
-from pinsing.algebra.mimic import NotFollowed
 from pinsing.algebra.ring import MadeOfEqual, make_ring
 from pinsing.families.faithful import disagreements
 from pinsing.families.form import ClosedForm, Proof
@@ -50,6 +49,7 @@ from pinsing.families.proof_forms import (
     vanishes,
 )
 from pinsing.proof.checker import MOST_WORK, Poly, Rejected, Ring, verify
+from pinsing.robot.mimic import NotFollowed
 from pinsing.robot.surd import Surd
 
 

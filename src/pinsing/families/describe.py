@@ -44,7 +44,6 @@ from pinsing.algebra.equation import (
     equation,
     scale_to_lengths,
 )
-from pinsing.algebra.mimic import own_offsets
 from pinsing.algebra.real_roots import (
     AlgebraicValue,
     NotFinite,
@@ -77,6 +76,7 @@ from pinsing.kinematics.refine import kinds_many
 from pinsing.measures import ALIKE, SEED, Array, Reachability
 from pinsing.prose import listed
 from pinsing.robot.arm import Arm, kept
+from pinsing.robot.mimic import own_offsets
 from pinsing.robot.nominal import Nominal
 
 

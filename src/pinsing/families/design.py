@@ -31,7 +31,6 @@ from pinsing.algebra.components import Component, decompose
 from pinsing.algebra.equation import Equation, equation, format_angle
 from pinsing.algebra.generic_points import Residues
 from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
-from pinsing.algebra.mimic import own_offsets
 from pinsing.algebra.ring import Matrix, Poly, Ring, make_ring
 from pinsing.description.dh_table import (
     BASE,
@@ -48,6 +47,7 @@ from pinsing.interface import JsonResult, checked
 from pinsing.measures import Array, ArrayLike
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
+from pinsing.robot.mimic import own_offsets
 from pinsing.robot.nominal import ExactPlacements, Length3, Nominal, flatten, nominal
 
 

@@ -18,13 +18,13 @@ import numpy as np
 from pinsing.algebra.components import Component
 from pinsing.algebra.conditions import Branch
 from pinsing.algebra.equation import equation
-from pinsing.algebra.mimic import own_offsets
 from pinsing.algebra.ring import MadeOnce, Poly, Ring, terms_of
 from pinsing.algebra.trig_sum import TINY
 from pinsing.families.family import Family
 from pinsing.families.zero_set import BLUNT, OwnPoints, SearchBox, thrown
 from pinsing.interface import typed
 from pinsing.measures import ALIKE, FLOAT_NOISE, Array
+from pinsing.robot.mimic import own_offsets
 from pinsing.robot.nominal import Nominal
 
 _ZERO = 1e-10

@@ -41,12 +41,12 @@ from pinsing.algebra.components import Component, by_size, inside
 from pinsing.algebra.conditions import Branch
 from pinsing.algebra.generic_points import Residues
 from pinsing.algebra.jacobian_matrix import NearMinors, NotSquare
-from pinsing.algebra.mimic import own_jacobian_modulo
 from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value, coefficients_by
 from pinsing.families.describe import PieceMaker
 from pinsing.families.zero_set import SearchBox, project, system_of
 from pinsing.kinematics.jacobian import ratios, task_jacobians
 from pinsing.measures import Array, Bool
+from pinsing.robot.mimic import own_jacobian_modulo
 from pinsing.robot.nominal import PRIMES, Nominal
 from pinsing.robot.surd import residue
 from pinsing.robot.task import Task

@@ -16,7 +16,6 @@ from flint import acb_poly, ctx, fmpq, fmpq_poly
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.jacobian_matrix import dependent
-from pinsing.algebra.mimic import drives
 from pinsing.algebra.ring import (
     MadeOfEqual,
     Ring as AlgebraRing,
@@ -34,6 +33,7 @@ from pinsing.proof.checker import (
     Ring,
     flipped,
 )
+from pinsing.robot.mimic import drives
 from pinsing.robot.nominal import IDENTITY, Deviation, Nominal
 from pinsing.robot.surd import SQUARES, Exact, parts_of, roots_of
 

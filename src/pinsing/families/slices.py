@@ -49,13 +49,13 @@ from pinsing.algebra.components import (
 from pinsing.algebra.conditions import Branch
 from pinsing.algebra.generic_points import Residues, Undecided, slice_points
 from pinsing.algebra.jacobian_matrix import NearMinors, NotSquare, in_axes, jacobian_matrix
-from pinsing.algebra.mimic import own_jacobian_modulo
 from pinsing.algebra.ring import MadeOnce, Matrix, Poly, Ring, Value
 from pinsing.families.describe import PieceMaker
 from pinsing.families.proof_forms import roots_in
 from pinsing.families.zero_set import BLUNT, OwnPoints, SearchBox
 from pinsing.measures import Array, Bool, Ints, NDArray
 from pinsing.prose import listed
+from pinsing.robot.mimic import own_jacobian_modulo
 from pinsing.robot.nominal import PRIMES, Nominal
 from pinsing.robot.surd import parts_of, residue, root_modulo
 from pinsing.robot.task import Task

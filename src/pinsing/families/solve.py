@@ -39,7 +39,6 @@ from pinsing.algebra.components import (
 )
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
-from pinsing.algebra.mimic import NotFollowed, drives
 from pinsing.algebra.ring import Poly, Ring, Value, make_ring
 from pinsing.errors import OptionError
 from pinsing.families.certificate import LONG, prove as add_proof, prove_briefly
@@ -63,6 +62,7 @@ from pinsing.kinematics.jacobian import generic_rank
 from pinsing.measures import ROUNDING, NDArray
 from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.load import load
+from pinsing.robot.mimic import NotFollowed, drives
 from pinsing.robot.nominal import (
     ANGLE,
     ANGLE_TOL,

@@ -20,12 +20,12 @@ from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.jacobian_matrix import constants
-from pinsing.algebra.mimic import own_offsets
 from pinsing.algebra.ring import Poly, Value, make_ring, rational
 from pinsing.errors import OptionError
 from pinsing.families.family import Family, asked_for
 from pinsing.families.proof_forms import content
 from pinsing.prose import visible
+from pinsing.robot.mimic import own_offsets
 from pinsing.robot.nominal import Nominal
 from pinsing.robot.surd import SQUARES, Exact, parts_of
 

@@ -54,7 +54,8 @@ from pinsing.measures import (
     status_of as status_of,
 )
 from pinsing.robot.arm import Arm, kept
-from pinsing.robot.nominal import exact_generic_rank, flatten, nominal
+from pinsing.robot.mimic import exact_generic_rank
+from pinsing.robot.nominal import flatten, nominal
 from pinsing.robot.task import Task
 
 PINOCCHIO = "pinocchio"

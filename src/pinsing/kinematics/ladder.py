@@ -85,7 +85,8 @@ import numpy as np
 from pinsing.kinematics.jacobian import joint_frames
 from pinsing.measures import ROUNDING, Array, Chain, NDArray
 from pinsing.robot.arm import Arm
-from pinsing.robot.nominal import Nominal, exact_generic_rank
+from pinsing.robot.mimic import exact_generic_rank
+from pinsing.robot.nominal import Nominal
 from pinsing.robot.surd import Exact
 
 Exacts: TypeAlias = NDArray[Any]

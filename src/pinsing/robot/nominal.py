@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import random
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -30,12 +29,11 @@ import pinocchio as pin
 
 from pinsing.errors import OptionError
 from pinsing.interface import checked
-from pinsing.measures import FLOAT_NOISE, ROUNDING, SEED, Array, Chain
+from pinsing.measures import FLOAT_NOISE, ROUNDING, Array, Chain
 from pinsing.prose import one_line
 from pinsing.robot.arm import Arm
 from pinsing.robot.models import add_joint, axis_rotation, joint_axis
-from pinsing.robot.surd import Exact, Surd, cosine, residue, sine
-from pinsing.robot.task import Task
+from pinsing.robot.surd import Exact, Surd, cosine, sine
 
 
 def flatten(arm: Arm) -> Chain:
@@ -617,61 +615,6 @@ def _nominal(arm: Arm, key: tuple[float, float]) -> Nominal:
 
 PRIMES = (4611686018427387817, 4611686018427387409)
 """The two largest primes below 2^62 that are 1 modulo 24."""
-
-Vector = list[int]
-Motion = tuple[int, ...]
-
-
-def exact_generic_rank(geometry: Nominal, task: Task) -> int:
-    """Return the rank of the task rows at almost every configuration; no mimic joints."""
-    draw = random.Random(SEED)
-    return max(_rank(geometry, task, prime, draw) for prime in PRIMES)
-
-
-def _rank(geometry: Nominal, task: Task, p: int, draw: random.Random) -> int:
-    # With flint, 40 ms to import, only where a rank is asked for that floats cannot show.
-    from flint import nmod_mat
-
-    drawn = [(slides, draw.randrange(1, p)) for slides in geometry.prismatic]
-    motions = [(x,) if slides else turned(1, x, p) for slides, x in drawn]
-    rows = jacobian_at(geometry, task, p, motions)
-    flat = [x for row in rows for x in row]
-    return int(nmod_mat(len(rows), len(geometry.prismatic), flat, p).rank())
-
-
-def turned(x: int, y: int, p: int) -> Motion:
-    """Cosine and sine of 2 atan2(y, x) modulo a prime."""
-    over = pow(x * x + y * y, -1, p)
-    return (x * x - y * y) * over % p, 2 * x * y * over % p
-
-
-def jacobian_at(geometry: Nominal, task: Task, p: int, motions: Sequence[Motion]) -> list[Vector]:
-    """Return the task Jacobian modulo a prime, where joints have (cos, sin) or (metres,)."""
-    exact = np.vectorize(lambda x: residue(x, p), otypes=[object])
-    numbers = geometry.rotation, geometry.translation, geometry.tip_rotation
-    turns, steps, tip_turn = geometry.arm.once(f"chain modulo {p}", lambda: [*map(exact, numbers)])
-    base = np.eye(3, dtype=object)
-    R, o, axes = base, base[0] - base[0], []
-    for slides, motion, C, c in zip(geometry.prismatic, motions, turns, steps, strict=False):
-        R, o = R @ C % p, (o + R @ c) % p
-        axes.append((R[:, 2], o))
-        if slides:
-            o = (o + motion[0] * R[:, 2]) % p
-        else:
-            cos, sin = motion
-            R = R @ np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]], dtype=object) % p
-    R, o = R @ turns[-1] % p, (o + R @ steps[-1]) % p
-    columns = []
-    for (z, start), slides in zip(axes, geometry.prismatic, strict=True):
-        x, y, w = o - start
-        moved = [z[1] * w - z[2] * y, z[2] * x - z[0] * w, z[0] * y - z[1] * x, *z]
-        columns.append([*z, 0, 0, 0] if slides else moved)
-    J = np.array(columns, dtype=object).T.reshape(2, 3, -1)  # translations, then rotations
-    tip = (R @ tip_turn).T
-    return [
-        ((tip if at_tip else base)[r % 3] @ J[r // 3] % p).tolist()
-        for r, at_tip in zip(task.rows, task.tip_rows, strict=True)
-    ]
 
 
 ANGLE, LENGTH = 1e-2, 1e-3

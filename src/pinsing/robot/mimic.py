@@ -16,16 +16,8 @@ from fractions import Fraction
 import numpy as np
 
 from pinsing.errors import Refusal
-from pinsing.measures import NOISE, Array
-from pinsing.robot.nominal import (
-    FIFTEEN,
-    Motion,
-    Nominal,
-    Snap,
-    Vector,
-    jacobian_at,
-    turned,
-)
+from pinsing.measures import NOISE, SEED, Array
+from pinsing.robot.nominal import FIFTEEN, PRIMES, Nominal, Snap
 from pinsing.robot.surd import Exact, cosine, residue, sine
 from pinsing.robot.task import Task
 
@@ -114,45 +106,61 @@ def own_jacobian_modulo(
     p: int,
     draw: random.Random,
     values: Mapping[int, Sequence[Exact]],
-) -> list[Vector]:
+) -> list[list[int]]:
     """Return the task Jacobian modulo a prime, a column for each of the arm's own joints."""
     # Joints at no value, (x, y) or (metres,), are at random ones. A column is the sum of a joint's
-    # and its followers', by the chain rule; these move with it, by de Moivre's formula.
-    driven = drives(geometry)[0]
-    own = own_rows(geometry)
-    at: list[Vector] = []
-    for a, row in enumerate(own):
-        if a in values:
-            at.append([residue(x, p) for x in values[a]])
-        else:
-            drawn = draw.randrange(1, p)
-            at.append([drawn] if geometry.prismatic[row] else [1, drawn])
-    motions = [
-        _followed(d, at[d.leader], slides, p)
-        for d, slides in zip(driven, geometry.prismatic, strict=True)
+    # and its followers', by the chain rule.
+    exact = np.vectorize(lambda x: residue(x, p), otypes=[object])
+    at: list[Sequence[int]] = []
+    for a, row in enumerate(own_rows(geometry)):
+        drawn = [] if a in values else [draw.randrange(1, p)]
+        start = [] if a in values or geometry.prismatic[row] else [1]
+        at.append([*start, *drawn, *(residue(x, p) for x in values.get(a, ()))])
+    numbers = geometry.rotation, geometry.translation, geometry.tip_rotation
+    turns, steps, tip_turn = geometry.arm.once(f"chain modulo {p}", lambda: [*map(exact, numbers)])
+    base = np.eye(3, dtype=object)
+    R, o, axes, starts = base, base[0] - base[0], [], []
+    driven, slides = drives(geometry)[0], np.array(geometry.prismatic)[:, None]
+    for drive, slide, C, c in zip(driven, geometry.prismatic, turns, steps, strict=False):
+        R, o = R @ C % p, (o + R @ c) % p
+        axes.append(R[:, 2])
+        starts.append(o)
+        led = at[drive.leader]
+        if slide:  # one that stands still may have a leader of any kind
+            way = residue(drive.shift, p) + residue(drive.multiple, p) * led[0]
+            o = (o + R[:, 2] * way) % p
+            continue
+        cos, sin = (residue(x, p) for x in drive.turn)
+        if drive.multiple:  # de Moivre's formula
+            x, y = led[0], led[1] if drive.multiple > 0 else -led[1]
+            over = pow(x * x + y * y, -1, p)
+            c, s = (x * x - y * y) * over % p, 2 * x * y * over % p
+            for _ in range(abs(int(drive.multiple))):
+                cos, sin = (cos * c - sin * s) % p, (cos * s + sin * c) % p
+        R = R @ np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]], dtype=object) % p
+    R, o = R @ turns[-1] % p, (o + R @ steps[-1]) % p
+    z = np.array(axes)
+    screws = [np.where(slides, z, np.cross(z, o - np.array(starts))), np.where(slides, 0, z)]
+    J = np.zeros((2, 3, len(at)), dtype=object)  # translations, then rotations
+    for k, drive in enumerate(driven):
+        J[..., drive.leader] += residue(drive.multiple, p) * np.array([half[k] for half in screws])
+    tip = (R @ tip_turn).T
+    return [
+        ((tip if at_tip else base)[r % 3] @ J[r // 3] % p).tolist()
+        for r, at_tip in zip(task.rows, task.tip_rows, strict=True)
     ]
-    factors = [residue(d.multiple, p) for d in driven]
-    out: list[Vector] = []
-    for line in jacobian_at(geometry, task, p, motions):
-        out.append([0] * len(own))
-        for factor, x, drive in zip(factors, line, driven, strict=True):
-            out[-1][drive.leader] = (out[-1][drive.leader] + factor * x) % p
-    return out
 
 
-def _followed(drive: Drive, at: Sequence[int], slides: bool, p: int) -> Motion:
-    """What a joint does while its leader is at a value: (x, y), or metres, modulo a prime."""
-    if slides:
-        along = residue(drive.multiple, p) * at[0] if drive.multiple else 0
-        return ((along + residue(drive.shift, p)) % p,)
-    c, s = 1, 0
-    if drive.multiple:  # one that stands still may have a leader of any kind
-        cos, sin = turned(at[0], at[1], p)
-        for _ in range(abs(int(drive.multiple))):
-            c, s = (c * cos - s * sin) % p, (c * sin + s * cos) % p
-        s = s if drive.multiple > 0 else -s
-    a, b = (residue(value, p) for value in drive.turn)
-    return (c * a - s * b) % p, (c * b + s * a) % p
+def exact_generic_rank(geometry: Nominal, task: Task) -> int:
+    """Return the rank of the task rows at almost every configuration."""
+    # With flint, 40 ms to import, only where a rank is asked for that floats cannot show.
+    from flint import nmod_mat
+
+    draw, ranks = random.Random(SEED), []
+    for p in PRIMES:
+        rows = own_jacobian_modulo(geometry, task, p, draw, {})
+        ranks.append(int(nmod_mat(rows, p).rank()))
+    return max(ranks)
 
 
 def _turn(angle: float) -> tuple[tuple[Exact, Exact], float]:
