@@ -17,6 +17,7 @@ import functools
 import itertools
 import json
 import math
+import operator
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -48,7 +49,7 @@ from pinsing.families.proof_forms import (
     squares,
     vanishes,
 )
-from pinsing.proof.checker import MOST_WORK, Poly, Rejected, Ring, verify
+from pinsing.proof.checker import MOST_WORK, Matrix, Poly, Rejected, Ring, verify
 from pinsing.robot.mimic import NotFollowed
 from pinsing.robot.surd import Surd
 
@@ -73,22 +74,18 @@ def _solved(ring: Ring, form: Poly, others: Sequence[Poly]) -> list[Poly] | None
     # Unknown coefficients beyond which nothing is solved.
     if not terms or len(terms) > 600:
         return None
-    columns = [(others[k] * m).to_dict() for k, m in terms]
-    target = form.to_dict()
-    rows = {m: i for i, m in enumerate(sorted({*target, *itertools.chain(*columns)}))}
-    matrix = fmpq_mat(len(rows), len(columns) + 1)
-    for at, column in enumerate([*columns, target]):
-        for m, c in column.items():
-            matrix[rows[m], at] = c
-    ring.spend(matrix.nrows() * matrix.ncols())
-    reduced, rank = matrix.rref()
+    columns = [*((others[k] * m).to_dict() for k, m in terms), form.to_dict()]
+    rows = sorted({*itertools.chain(*columns)})
+    every = [column.get(m, 0) for m in rows for column in columns]
+    ring.spend(len(every))
+    reduced, rank = fmpq_mat(len(rows), len(columns), every).rref()
     found = [ring.zero for _ in others]
     for i in range(rank):
-        lead = next(at for at in range(len(columns) + 1) if reduced[i, at] != 0)
-        if lead == len(columns):
+        lead = next(at for at in range(len(columns)) if reduced[i, at] != 0)
+        if lead == len(terms):
             return None
         k, m = terms[lead]
-        found[k] += reduced[i, len(columns)] * m
+        found[k] += reduced[i, len(terms)] * m
     return found
 
 
@@ -113,104 +110,95 @@ Lines = tuple[tuple[int, ...], tuple[int, ...]]
 class _Known:
     """Why a minor vanishes on a family: times units it is a sum of multiples of its relations."""
 
-    terms: dict[int, Poly]  # what each relation is multiplied by
+    multiples: list[Poly]  # of each relation
     units: Poly  # what the minor is multiplied by: units and a number
     depth: int  # over how many other minors: 0 for a multiple of one relation
 
 
-class _Minors:
-    """Which minors are sums of multiples of a family's forms, but for units.
+def _sums(
+    draft: Draft, family: Place, minors: Mapping[Lines, Poly]
+) -> tuple[list[Sum], list[Poly]]:
+    """One sum for each minor that is no multiple of a form, where there is one; its value.
 
     A row of the matrix with one more column than a minor has gives a sum that is zero: its entries
     times the minors without their columns, with signs (Laplace). Where all but one of these are
-    known to be such sums, or their entry is zero, and that one's entry is a unit, so is the last
-    one.
+    known to be sums of multiples of a family's forms, but for units, or their entry is zero, and
+    that one's entry is a unit, so is the last one.
     """
+    ring, relations, known = draft.ring, family.relations, dict[Lines, _Known]()
+    if draft.sides[1] <= draft.rank or not relations:
+        return [], []
+    entries = [[ring.put(x, family.values) for x in row] for row in draft.matrix]
+    units = {
+        (i, j): x
+        for i, row in enumerate(entries)
+        for j, x in enumerate(row)
+        if x != 0 and not ring.joints(ring.stripped(x)[0])
+    }
+    for lines, minor in minors.items():
+        at = next((at for at, p in enumerate(relations) if ring.divides(p, minor)), None)
+        if at is not None:
+            multiples = [ring.zero] * len(relations)
+            multiples[at] = ring.reduced(divmod(minor, relations[at])[0])
+            known[lines] = _Known(multiples, ring.one, 0)
+    while more := {
+        lines: one
+        for lines in minors
+        if lines not in known and (one := _sum(draft, entries, units, known, lines))
+    }:
+        known |= more
+    found: list[Sum] = []
+    totals: list[Poly] = []
+    for lines, way in sorted(known.items(), key=lambda item: item[1].depth):
+        draft.require_time()
+        if way.depth == 0 or any(ring.divides(p, minors[lines]) for p in totals):
+            continue
+        # Without units and in small numbers: it is compared without them.
+        short = ring.stripped(*way.multiples)
+        found.append(sum_of(len(family.values), dict(enumerate(short))))
+        put = ring.put(draft.sum(found[-1], family.forms), family.values)
+        totals += ring.stripped(put)
+    return found, totals
 
-    def __init__(self, draft: Draft, family: Place, minors: Mapping[Lines, Poly]) -> None:
-        self.draft, self.ring, self.family, self.minors = draft, draft.ring, family, minors
-        values = family.values
-        self.entries = [[self.ring.put(x, values) for x in row] for row in draft.matrix]
-        self.constant = [
-            [(x != 0 and not self.ring.joints(self.ring.stripped(x)[0])) for x in row]
-            for row in self.entries
+
+def _sum(
+    draft: Draft,
+    entries: Matrix,
+    units: Mapping[tuple[int, int], Poly],
+    known: Mapping[Lines, _Known],
+    lines: Lines,
+) -> _Known | None:
+    """The shortest of the sums that a minor is by what is known."""
+    draft.require_time()
+    ring, (rows, columns) = draft.ring, lines
+    ways = []
+    for i, extra in itertools.product(rows, range(draft.sides[1])):
+        if extra in columns or (i, extra) not in units:
+            continue
+        # The unit times the minor is minus the others' sum, with the unit's own sign.
+        every = tuple(sorted({*columns, extra}))
+        own = -((-1) ** every.index(extra))
+        others = [
+            (entry * (-1) ** k * own, known.get((rows, every[:k] + every[k + 1 :])))
+            for k, j in enumerate(every)
+            if j != extra and (entry := entries[i][j]) != 0
         ]
-        self.known: dict[Lines, _Known] = {}
-
-    def sums(self) -> tuple[list[Sum], list[Poly]]:
-        """One sum for each minor that is no multiple of a form, where there is one; its value."""
-        if self.draft.sides[1] <= self.draft.rank or not self.family.relations:
-            return [], []
-        ring, relations = self.ring, self.family.relations
-        for lines, minor in self.minors.items():
-            at = next((at for at, p in enumerate(relations) if ring.divides(p, minor)), None)
-            if at is not None:
-                multiple = ring.reduced(divmod(minor, relations[at])[0])
-                self.known[lines] = _Known({at: multiple}, ring.one, 0)
-        while more := {
-            lines: one
-            for lines in [lines for lines in self.minors if lines not in self.known]
-            if (one := self._sum(lines))
-        }:
-            self.known |= more
-        found: list[Sum] = []
-        totals: list[Poly] = []
-        for lines, known in sorted(self.known.items(), key=lambda item: item[1].depth):
-            self.draft.require_time()
-            minor = self.minors[lines]
-            if known.depth == 0 or any(self.ring.divides(p, minor) for p in totals):
-                continue
-            # Without units and in small numbers: it is compared without them.
-            short = dict(zip(known.terms, ring.stripped(*known.terms.values()), strict=True))
-            total = sum_of(len(self.family.values), short)
-            found.append(total)
-            put = self.ring.put(self.draft.sum(total, self.family.forms), self.family.values)
-            totals += self.ring.stripped(put)
-        return found, totals
-
-    def _sum(self, lines: Lines) -> _Known | None:
-        """The shortest of the sums that a minor is by what is known."""
-        self.draft.require_time()
-        ways = list(self._relations(lines))
-        if not ways:
-            return None
-        i, extra, terms = min(
-            ways, key=lambda way: sum(len(c) for _, k, _ in way[2] for c in k.terms.values())
-        )
-        unit = self.entries[i][extra]
-        common = self.ring.one
-        for _, known, _ in terms:
-            common = common * divmod(known.units, common.gcd(known.units))[0]
-        total: dict[int, Poly] = {}
-        for sign, known, entry in terms:
-            factor = entry * divmod(common, known.units)[0] * sign
-            for at, c in known.terms.items():
-                total[at] = self.ring.reduced(total.get(at, self.ring.zero) + c * factor)
-        total = {at: c for at, c in total.items() if c != 0}
-        units = self.ring.reduced(common * unit)
-        *left, units = self.ring.stripped(*total.values(), units)
-        depth = 1 + max((known.depth for _, known, _ in terms), default=0)
-        return _Known(dict(zip(total, left, strict=True)), units, depth)
-
-    def _relations(self, lines: Lines) -> Iterator[tuple[int, int, list[tuple[int, _Known, Poly]]]]:
-        """Yield rows and columns by which a minor follows from known ones, with these and factors.
-
-        As the entry there times the minor is minus the others' sum, with the entry's own sign.
-        """
-        rows, columns = lines
-        for i, extra in itertools.product(rows, range(self.draft.sides[1])):
-            if extra in columns or not self.constant[i][extra]:
-                continue
-            every = tuple(sorted({*columns, extra}))
-            own = -((-1) ** every.index(extra))
-            others = [
-                ((-1) ** k * own, self.known.get((rows, every[:k] + every[k + 1 :])), entry)
-                for k, j in enumerate(every)
-                if j != extra and (entry := self.entries[i][j]) != 0
-            ]
-            terms = [(sign, known, entry) for sign, known, entry in others if known is not None]
-            if len(terms) == len(others):
-                yield i, extra, terms
+        terms = [(factor, way) for factor, way in others if way is not None]
+        if len(terms) == len(others):
+            ways.append((units[i, extra], terms))
+    if not ways:
+        return None
+    unit, terms = min(ways, key=lambda w: sum(len(c) for _, way in w[1] for c in way.multiples))
+    common = ring.one
+    for _, way in terms:
+        common = common * divmod(way.units, common.gcd(way.units))[0]
+    factors = [factor * divmod(common, way.units)[0] for factor, way in terms]
+    total = [
+        ring.reduced(sum(map(operator.mul, factors, of_relation), ring.zero))
+        for of_relation in zip(*(way.multiples for _, way in terms), strict=True)
+    ]
+    *total, common = ring.stripped(*total, ring.reduced(common * unit))
+    return _Known(total, common, 1 + max((way.depth for _, way in terms), default=0))
 
 
 def sum_of(first: int, multiples: Mapping[int, Poly]) -> Sum:
@@ -255,7 +243,7 @@ def soundness(draft: Draft, family: Place, codimension: int) -> Soundness:
                 pivot = _pivot(draft, family, plain, tried)
         if pivot is not None:
             return replace(found, pivot=pivot)
-    multiples, totals = _Minors(draft, family, minors).sums()
+    multiples, totals = _sums(draft, family, minors)
     for minor in minors.values():
         draft.require_time()
         if ring.vanishes(minor, (family.values, [*family.relations, *totals])):
@@ -563,12 +551,14 @@ class Tree:
         for split in minors:
             free = [j for j in self.ring.joints(split.form) if j not in bound]
             ((_, (_, lines, _)),) = split.sum
+            minor = self.draft.at(place.values)(*map(tuple, lines))
             choices = itertools.product(points, repeat=len(free)) if free else ()
             # Points of free joints that a minor is looked at.
             for choice in itertools.islice(choices, 16):
                 self.draft.require_time()
                 at = [self.draft.linear(j, p) for j, p in zip(free, choice, strict=True)]
-                poly = self.ring.put(split.form, self.ring.where(at)[0])
+                # Units are numbers where free joints are at points: the checker has them, too.
+                poly = self.ring.put(minor, self.ring.where(at)[0])
                 if poly != 0 and not any(self.ring.divides(p, poly) for p in place.relations):
                     (poly,) = self.ring.stripped(poly)
                     found.setdefault(
@@ -579,11 +569,7 @@ class Tree:
             vanish = functools.partial(vanishes, self.ring, split.form, place.relations)
             # No more than trying the form would take.
             if not self.draft.shown(vanish, most=300_000):
-                # Units are numbers where free joints are at points: the checker has them, too.
-                ((_, (_, lines, at)),) = split.sum
-                minor = self.draft.at(place.values)(*map(tuple, lines))
-                poly = self.ring.put(minor, self.ring.where(at)[0])
-                yield Split(split.sum, self.ring.stripped(poly)[0])
+                yield split
 
     def _resultants(self, place: Place, longest: int = _LONG) -> Iterator[Split]:
         ring, first = self.ring, len(place.values)
