@@ -49,7 +49,16 @@ from pinsing.algebra.components import (
 from pinsing.algebra.conditions import Branch
 from pinsing.algebra.generic_points import Residues, Undecided, slice_points
 from pinsing.algebra.jacobian_matrix import NearMinors, NotSquare, in_axes, jacobian_matrix
-from pinsing.algebra.ring import MadeOnce, Matrix, Poly, Ring, Value
+from pinsing.algebra.ring import (
+    MadeOnce,
+    Matrix,
+    Poly,
+    Ring,
+    Value,
+    image,
+    terms_of,
+    whole_terms,
+)
 from pinsing.families.describe import PieceMaker
 from pinsing.families.proof_forms import roots_in
 from pinsing.families.zero_set import BLUNT, OwnPoints, SearchBox
@@ -306,13 +315,11 @@ def _residues(poly: Poly, ring: Ring, prime: int) -> tuple[NDArray[np.float32], 
     """Return exponents (K, V) of a polynomial's terms, and coefficients (K,) modulo a prime."""
     # Not all are multiples of the prime. If square roots make all zero nevertheless, it counts as
     # nowhere zero: points are left over rather than taken in.
-    terms = ring.terms(poly)
-    parts = [part for c in terms.values() for part in parts_of(c) if part]
-    bottom = math.lcm(*(part.denominator for part in parts))
-    scale = Fraction(bottom, math.gcd(*(int(part * bottom) for part in parts)))
-    found = {m: r for m, c in terms.items() if (r := residue(c * scale, prime))}
-    found = found or {(0,) * ring.nvars: 1}
-    return np.array([*found], dtype=np.float32), np.array([*found.values()], dtype=float)
+    terms = whole_terms(poly)
+    common = math.gcd(*terms.values())
+    plain = ring.context.from_dict({m: c // common for m, c in terms.items()})
+    found = terms_of(image(plain, ring, prime)) or {(0,) * ring.nvars: 1}
+    return np.array([*found], dtype=np.float32), np.array([*map(int, found.values())], dtype=float)
 
 
 def joints_that_matter(geometry: Nominal, task: Task) -> tuple[int, ...]:
