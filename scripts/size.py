@@ -11,8 +11,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
     "Python in src: statements": (35_763, 30_000),
-    "Python in src: lines": (68_920, 56_000),
-    "C++, JavaScript, templates, styles: lines": (11_687, 9_500),
+    "Python in src: lines": (68_919, 56_000),
+    "C++, JavaScript, templates, styles: lines": (11_557, 9_500),
     "modules": (137, 220),
     "packages directly under pinsing": (15, 16),
     "numbers in module constants": (492, 500),

@@ -43,7 +43,7 @@ def test_an_output_is_led_to_a_pose_and_the_loops_stay_closed(name: str) -> None
     goals = [start + size * rng.uniform(-1, 1, len(rows)) for _ in range(6)]
     found = asked(
         mechanism,
-        """({ names: data.pose.rows.map((_, k) => m.poseName(data, k)),
+        """({ names: data.pose.coordinates.map(({ symbol }) => symbol),
              led: goals.map((g) => { const f = m.posed(data, g, data.home);
                return { ...f, frame: m.mechanismFrame(data, f.q),
                         worst: m.worst(m.closure(data, f.q).residual) }; }) })""",

@@ -234,8 +234,8 @@ def test_a_pose_at_rest_is_told_its_distance_for_sure(page: Any, tmp_path: Path)
     q = [0.3, -0.6, 0.8, -1.4, 0.6, 1.9, 0.2]
     page.evaluate(
         """(q) => {
-             const { source } = window.pinsing, { engine } = source.page;
-             source.compute = (x) => {
+             const { engine } = window.pinsing;
+             window.pinsing.compute = (x) => {
                const frame = Engine.frameAt(engine, x);
                return { ...frame, verdict: Engine.nearestFamily(engine, x, engine.families, 0) };
              };
@@ -262,7 +262,7 @@ def test_where_a_monitor_sees_a_zone_the_slider_is_red(page: Any, tmp_path: Path
     page.evaluate("(q) => window.pinsing.go(q)", q)
     page.wait_for_function("() => document.querySelectorAll('.band .zone').length === 3")
     assert "Red: too near for 0.25 m/s and 0.5 rad/s" in text(page, "#joints-note")
-    red = page.evaluate("(q) => window.pinsing.source.zones(q)", q)
+    red = page.evaluate("(q) => window.pinsing.zones(q)", q)
     monitor = Monitor(form, zones=found)
     for j, (low, high) in enumerate(zip(*form.loaded.span, strict=True)):
         for k in range(0, 240, 7):
@@ -285,6 +285,6 @@ def test_near_families_of_a_design_the_slider_is_red(page: Any, tmp_path: Path) 
     assert "lie within 5.8° of one of them (17.2° where two" in text(page, "#joints-note")
     for wrist, wide in ((0.5, 0.1), (0.15, 0.2)):  # far from it, and where it and the elbow meet
         q = [0, -1.2, 1, -1, wrist, 0]
-        red = page.evaluate("(q) => window.pinsing.source.zones(q)", q)[2]
+        red = page.evaluate("(q) => window.pinsing.zones(q)", q)[2]
         (elbow,) = [b for b in red if b[0] < 0 < b[1]]
         assert elbow == pytest.approx([-wide, wide], abs=0.03)

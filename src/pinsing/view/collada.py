@@ -160,13 +160,12 @@ def unpacked(data: bytes) -> tuple[Painted, ...] | None:
     """Return the parts that `packed` was given; of no bytes none, of something else None."""
     try:
         arrays = umsgpack.unpackb(data) if data else []
-        parts = tuple(Painted(*(_array(*one) for one in part)) for part in arrays)
+        parts = tuple(
+            Painted(*(np.frombuffer(data, kind).reshape(shape) for kind, shape, data in part))
+            for part in arrays
+        )
         sound = all([a.ndim for a in part] == [2, 2, 2, 1, 1] for part in parts)
         sound &= all(np.isfinite([*part.place, *part.paint]).all() for part in parts)
     except Exception:  # whatever was made to look like an answer
         return None
     return parts if sound else None
-
-
-def _array(kind: str, shape: Sequence[int], data: bytes) -> NDArray[Any]:
-    return np.frombuffer(data, kind).reshape(shape)

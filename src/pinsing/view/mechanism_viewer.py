@@ -16,17 +16,14 @@ from pinsing.loops.closure import (
     extent,
     groups as alike_groups,
     hinged_balls,
+    output_pose,
     plane_normal,
     random_closed,
     ranks,
     structure,
 )
 from pinsing.loops.motion import assembly_rows, elbow_sines, elbows, home, led_pose, mechanism_at
-from pinsing.loops.solve import (
-    SingularPoint,
-    assemblies,
-    drive,
-)
+from pinsing.loops.solve import SingularPoint, assemblies, drive
 from pinsing.measures import ALIKE, NEAR_RTOL, ROUNDING, SINGULAR_RTOL, Array, ArrayLike
 from pinsing.robot.mechanism import Mechanism, closing
 from pinsing.view.scene import (
@@ -50,13 +47,13 @@ def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> 
     """Return all that the page's engine needs to move a mechanism by itself, ready for JSON.
 
     Keys: ``schema``; ``chain``, as of an arm, its tip the output; ``loops``, each with ``kind`` and
-    the two frames; ``task``, ``metric`` (what counts as one radian, per joint), ``joints`` (limits,
-    None where infinite), ``actuated``; generic ``ranks``; ``judge``, tolerances of the verdict;
-    ``home`` (n,), closed; ``assembly``, rows of the closure whose determinant tells assembly modes
-    apart, and its sign at home, or None; ``pose``, coordinates that lead the output (see
-    `led_pose`); ``balls`` written as three hinges, their centres in the frame of the first;
-    ``legs``, the joints of each; ``elbows``; ``normal`` (3,) of the plane of a planar mechanism,
-    which is drawn with turning as a ring in it; ``sizes``.
+    the two frames; ``task``, ``metric`` (what counts as one radian, per joint), ``joints``
+    (`joint_data`), ``actuated``; generic ``ranks``; ``judge``, tolerances of the verdict; ``home``
+    (n,), closed; ``assembly``, rows of the closure whose determinant tells assembly modes apart,
+    and its sign at home, or None; ``pose``, coordinates that lead the output (see `led_pose`);
+    ``balls`` written as three hinges, their centres in the frame of the first; ``legs``, the joints
+    of each; ``elbows``; ``normal`` (3,) of the plane of a planar mechanism, which is drawn with
+    turning as a ring in it; ``sizes``.
     """
     m, model = mechanism, mechanism.model
     generic = ranks(m)
@@ -71,7 +68,7 @@ def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> 
         ],
         "task": {"rows": list(m.task.rows), "lengthScale": m.length_scale},
         "metric": m.space.metric.tolist(),
-        "joints": joint_data(m.joints, m.prismatic, m.lower, m.upper),
+        "joints": joint_data(m, m.joints),
         "actuated": list(m.actuated),
         "ranks": {
             "constraint": generic.constraint,
@@ -81,7 +78,7 @@ def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> 
         "judge": {"rtol": SINGULAR_RTOL, "nearRtol": NEAR_RTOL},
         "home": home(m).tolist(),
         "assembly": None if rows is None else {"rows": rows, "sign": sign},
-        "pose": led_pose(m),
+        "pose": _led(m, sizes.reach, normal is not None),
         "balls": [
             {"joints": list(ball.joints), "centre": ball.point.tolist()} for ball in hinged_balls(m)
         ],
@@ -99,6 +96,27 @@ def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> 
         "normal": None if normal is None else normal.tolist(),
         "sizes": sizes_data(sizes),
     }
+
+
+def _led(mechanism: Mechanism, reach: float, planar: bool) -> dict[str, Any]:
+    """`led_pose`, with its ``coordinates`` as `joint_data` has joints."""
+    led, place = led_pose(mechanism), output_pose(mechanism, home(mechanism)).translation
+
+    def coordinate(row: int) -> dict[str, Any]:
+        symbol = "turn" if planar and row >= 3 else ("x", "y", "z", "roll", "pitch", "yaw")[row]
+        # Pitch beyond a quarter of a turn is another roll and yaw.
+        most = np.pi / 2 if row == 4 and led["turn"]["kind"] != "axis" else None
+        middle, half = (float(place[row]), reach) if row < 3 else (0.0, most or np.pi)
+        return {
+            "name": f"{symbol} of {mechanism.output}",
+            "symbol": symbol,
+            "prismatic": row < 3,
+            "lower": None if most is None else -most,
+            "upper": most,
+            "span": [middle - half, middle + half],
+        }
+
+    return {**led, "coordinates": [coordinate(row) for row in led["rows"]]}
 
 
 def linkage_sizes(mechanism: Mechanism, scale: float = 1.0) -> Sizes:
@@ -232,19 +250,13 @@ def _over_pose(analysis: MechanismAnalysis) -> dict[str, tuple[str, tuple[str, .
 
 def point_words(mechanism: Mechanism, point: SingularPoint) -> str:
     """One line about a pose: its inputs, its mode, and whether a range ends there."""
+    slides = mechanism.prismatic[list(mechanism.actuated)]
     values = ", ".join(
-        f"{name} = {input_text(mechanism, k, float(value))}"
-        for k, (name, value) in enumerate(zip(mechanism.inputs, point.inputs, strict=True))
+        f"{name} = {1000 * x:.1f} mm" if mm else f"{name} = {np.degrees(x) + 0.0:.1f}°"
+        for name, x, mm in zip(mechanism.inputs, point.inputs, slides, strict=True)
     )
     end = f"; the range of {point.moving} ends here" if point.range_end else ""
     return f"{point.kind} at {values}; {point.mode}{end}"
-
-
-def input_text(mechanism: Mechanism, k: int, value: float) -> str:
-    """A value of input k, degrees or millimetres, with its unit."""
-    if mechanism.prismatic[mechanism.actuated[k]]:
-        return f"{1000 * value:.1f} mm"
-    return f"{np.degrees(value) + 0.0:.1f}°"
 
 
 def _words(mechanism: Mechanism, point: SingularPoint) -> str:
@@ -386,8 +398,6 @@ class MechanismViewer(Tab):
                 "task": ", ".join(m.task.name.split(",")),
                 "lengthScale": m.length_scale,
             },
-            "joints": self._joints(m.joints),
-            "inputs": list(m.actuated),
             "settings": {**settings, **none, "planar": self._normal is not None},
             "entries": [
                 {

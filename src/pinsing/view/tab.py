@@ -97,23 +97,6 @@ class Tab(ABC):
         said = {"words": self._words} if self._words else {}
         return {"q": self._q.tolist(), "entry": entry, "pose": pose} | said
 
-    def _joints(self, symbols: Sequence[str]) -> list[dict[str, Any]]:
-        """The joints as a page has them: sliders end somewhere, limits or not."""
-        robot = self._robot
-        limited = np.isfinite(robot.lower) & np.isfinite(robot.upper)
-        columns = (robot.joints, symbols, robot.prismatic, *robot.space.span, limited)
-        return [
-            {
-                "name": name,
-                "symbol": symbol,
-                "prismatic": bool(slides),
-                "lower": float(low),
-                "upper": float(high),
-                "limited": bool(ends),
-            }
-            for name, symbol, slides, low, high, ends in zip(*columns, strict=True)
-        ]
-
     def _settings(self, mode: str, side: Sequence[float] = SIDE) -> dict[str, Any]:
         """How a page draws."""
         size, names, model = self._sizes, self._robot.joints, self._robot.model
@@ -266,22 +249,25 @@ class Tab(ABC):
         """
         from IPython.display import HTML
 
-        cell = self._live_frame(height) if live else self._frame(height)
-        return HTML(cell)  # type: ignore[no-untyped-call]
+        return HTML(self._cell(height, live))  # type: ignore[no-untyped-call]
 
     def _repr_html_(self) -> str:
-        return self._frame(600)
+        return self._cell(600, False)
 
-    def _frame(self, height: int) -> str:
-        # A page of its own: its scripts cannot reach the notebook, whatever a robot's file says.
-        page = html.escape(self.html())
-        sandbox = 'sandbox="allow-scripts allow-downloads" allow="clipboard-write"'
-        return _iframe(f'{sandbox} srcdoc="{page}"', self.name, height)
-
-    def _live_frame(self, height: int) -> str:
-        self.url  # noqa: B018 (starts the server)
-        assert self._server is not None
-        return _iframe(f'src="{html.escape(self._server.framed_url)}"', self.name, height)
+    def _cell(self, height: int, live: bool) -> str:
+        if live:
+            self.url  # noqa: B018 (starts the server)
+            assert self._server is not None
+            shown = f'src="{html.escape(self._server.framed_url)}"'
+        else:
+            # A page of its own: whatever a robot's file says, scripts cannot reach the notebook.
+            sandbox = 'sandbox="allow-scripts allow-downloads" allow="clipboard-write"'
+            shown = f'{sandbox} srcdoc="{html.escape(self.html())}"'
+        return (
+            f'<div><iframe title="{html.escape(f"pinsing: {self.name}")}" {shown} style="width: '
+            f'100%; height: {int(height)}px; border: 1px solid #dfe4ea; border-radius: 6px">'
+            "</iframe></div>"
+        )
 
     def __enter__(self) -> Self:
         return self
@@ -305,11 +291,3 @@ def hand_over(tab: Tab, server: Server) -> None:
         server.close()
         raise
     tab._server = server
-
-
-def _iframe(what: str, name: str, height: int) -> str:
-    return (
-        f'<div><iframe title="{html.escape(f"pinsing: {name}")}" {what} style="width: 100%; '
-        f'height: {int(height)}px; border: 1px solid #dfe4ea; border-radius: 6px">'
-        "</iframe></div>"
-    )

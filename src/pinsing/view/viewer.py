@@ -6,6 +6,8 @@ Families, findings or single configurations, each with its poses, ellipsoids and
 from __future__ import annotations
 
 import math
+import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -33,9 +35,10 @@ from pinsing.kinematics.jacobian import (
 )
 from pinsing.kinematics.lost_motion import arm_centres, moving_columns
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge
-from pinsing.measures import Array, ArrayLike, Bool, Reachability, pure_ellipsoids
+from pinsing.measures import Array, ArrayLike, Reachability, pure_ellipsoids
 from pinsing.proximity.zones import Zones, zone_distances
 from pinsing.robot.arm import Arm, summarize
+from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.models import joint_axis
 from pinsing.robot.nominal import nominal
 from pinsing.sampling.generalize import Finding
@@ -132,54 +135,51 @@ def pose_entries(arm: Arm, configurations: Iterable[ArrayLike]) -> tuple[Entry, 
     return tuple(Entry(f"P{number}", text(q), (q,), every) for number, q in enumerate(given, 1))
 
 
-def _fixed_joints(name: str, text: str, arm: Arm, fixed: Mapping[str, float]) -> Family:
-    """The singular set of some joints at fixed values, the others anywhere within the limits."""
-    values = tuple(JointValue(arm.joints.index(j), float(x), False) for j, x in fixed.items())
-    return Family(
-        name=name,
-        text=text,
-        latex="",
-        branches=(Branch(values, ()),),
-        joints=tuple(fixed),
-        codimension=len(fixed),
-        proof="",
-        real=True,
-        reachability=Reachability.UNKNOWN,
-        witness=None,
-        generic=None,
-        rank=None,
-        lost=(),
-        kind="",
-        reason="",
-        raw_ratio=None,
-        lower=arm.lower,
-        upper=arm.upper,
-        prismatic=arm.prismatic,
-        length_scale=arm.length_scale,
-    )
-
-
 def finding_entries(arm: Arm, findings: Iterable[Finding]) -> tuple[Entry, ...]:
     """List singular findings of a sweep, named S1, S2, ..."""
     out = []
     singular = [f for f in findings if f.status == "singular"]
     for number, finding in enumerate(singular, 1):
-        name, text = f"S{number}", str(finding.condition)
-        condition = finding.condition
-        family = _fixed_joints(name, text, arm, condition.fixed) if condition.minimal else None
-        poses = () if family is None else telling_poses(arm, family, 3)
-        if not poses and finding.reachable:
-            poses = (np.array(finding.configuration.q),)
+        name, condition = f"S{number}", finding.condition
+        poses, fixed = (
+            (np.array(finding.configuration.q),) * bool(finding.reachable),
+            condition.fixed,
+        )
+        family = None
+        if condition.minimal:
+            # The singular set of some joints at fixed values, the others anywhere in the limits.
+            values = [JointValue(arm.joints.index(j), float(x), False) for j, x in fixed.items()]
+            family = Family(
+                name=name,
+                text=str(condition),
+                latex="",
+                branches=(Branch(tuple(values), ()),),
+                joints=tuple(fixed),
+                codimension=len(fixed),
+                proof="",
+                real=True,
+                reachability=Reachability.UNKNOWN,
+                witness=None,
+                generic=None,
+                rank=None,
+                lost=(),
+                kind="",
+                reason="",
+                raw_ratio=None,
+                lower=arm.lower,
+                upper=arm.upper,
+                prismatic=arm.prismatic,
+                length_scale=arm.length_scale,
+            )
+            poses = telling_poses(arm, family, 3) or poses
         out.append(
             Entry(
                 name=name,
-                text=text,
+                text=str(condition),
                 poses=poses,
-                moved=tuple(
-                    i for i, joint in enumerate(arm.joints) if joint in condition.depends_on
-                ),
+                moved=tuple(i for i, j in enumerate(arm.joints) if j in condition.depends_on),
                 kind=finding.configuration.kind,
-                codimension=len(condition.fixed) if condition.minimal else None,
+                codimension=len(fixed) if condition.minimal else None,
                 reachable=True if poses else finding.reachable,
                 family=family,
             )
@@ -251,7 +251,7 @@ def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, A
     and ``nominal``, the same of the nominal geometry where that differs; ``task`` (rows of the
     frame Jacobian, which are in the tip's axes, length scale, generic rank, joints that ever move
     it, task directions never produced, (k, 6)); ``judge`` (tolerances of the verdict, and the arm's
-    own scale); ``joints`` (limits, None where infinite); ``speeds`` (of `SpeedJudge`, and what is
+    own scale); ``joints`` (`joint_data`); ``speeds`` (of `SpeedJudge`, and what is
     asked); ``families`` (branches: joint values and equations as `equation_data`; ``confirm``: only
     zeros at which the arm is singular count, and ``points`` are some); ``centres`` (joints whose
     axes always meet, with a name); ``sizes``; ``design`` (families are of the design).
@@ -279,7 +279,7 @@ def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, A
             "length": own_scale(arm).length,
             "columns": own_scale(arm).columns.tolist(),
         },
-        "joints": joint_data(arm.joints, arm.prismatic, arm.lower, arm.upper),
+        "joints": joint_data(arm, joint_symbols(arm)),
         "speeds": _speeds(SpeedJudge(arm)),
         "families": [
             _family(index, entry, entry.family, joint_symbols(arm))
@@ -360,18 +360,31 @@ def frame_data(model: pin.Model, frame_id: int) -> dict[str, Any]:
     }
 
 
-def joint_data(
-    names: Sequence[str], prismatic: Bool, lower: Array, upper: Array
-) -> list[dict[str, Any]]:
-    """Names and limits of joints; None where a limit is infinite."""
+def joint_data(robot: Arm | Mechanism, symbols: Sequence[str]) -> list[dict[str, Any]]:
+    """Joints as sliders of a page have them, with their limits; None where one is infinite."""
+    several = list(robot.joints) if len(symbols) > 1 else []
+    alike = os.path.commonprefix(several)  # noqa: RUF071 (of letters)
+    prefix = re.sub(r"[^_\-./:\s]*$", "", alike)  # up to a mark that separates words
+    prefix = "" if prefix in robot.joints else prefix
     return [
         {
             "name": name,
+            "symbol": symbol,
+            "label": "" if name == symbol else name.removeprefix(prefix),
             "prismatic": bool(slides),
             "lower": float(low) if np.isfinite(low) else None,
             "upper": float(high) if np.isfinite(high) else None,
+            "span": span,
         }
-        for name, slides, low, high in zip(names, prismatic, lower, upper, strict=True)
+        for name, symbol, slides, low, high, span in zip(
+            robot.joints,
+            symbols,
+            robot.prismatic,
+            robot.lower,
+            robot.upper,
+            np.transpose(robot.space.span).tolist(),
+            strict=True,
+        )
     ]
 
 
@@ -695,7 +708,6 @@ class Viewer(Tab):
                 "task": str(arm.task),
                 "lengthScale": arm.length_scale,
             },
-            "joints": self._joints(joint_symbols(arm)),
             "settings": self._settings(self._mode),
             "entries": [_entry(e, arm.n) for e in self.entries],
             "engine": engine_data(arm, self.entries, self._sizes),

@@ -19,14 +19,14 @@ function statement(solved) {
 class Locus {
   // `app` is asked to pick [[joint, value], ...] where the picture is clicked.
   constructor(app, family, q) {
-    const { page } = app;
-    Object.assign(this, { app, page, family });
-    const { involved } = Engine.curveBranch(family, q, page.engine.joints);
+    const { joints } = app;
+    Object.assign(this, { app, joints, family });
+    const { involved } = Engine.curveBranch(family, q, joints);
     const pair = involved.slice(-2);
     this.menus = pair.map((chosen, k) => {
       const menu = make("select");
       menu.setAttribute("aria-label", k ? "Joint upward" : "Joint across");
-      for (const j of involved) menu.append(new Option(page.joints[j].symbol, j, false, j === chosen));
+      for (const j of involved) menu.append(new Option(joints[j].symbol, j, false, j === chosen));
       menu.addEventListener("change", () => this.changed(k));
       return menu;
     });
@@ -54,7 +54,7 @@ class Locus {
     this.draw(this.q);
   }
 
-  get spans() { return this.shown.map((j) => [this.page.joints[j].lower, this.page.joints[j].upper]); }
+  get spans() { return this.shown.map((j) => this.joints[j].span); }
 
   // Where a value of a joint, k = 0 across and 1 up, is in the picture, and the other way round.
   place(k, v) { const [a, b] = this.spans[k], [from, to] = LOCUS.frame[k]; return from + ((v - a) / (b - a)) * (to - from); }
@@ -63,8 +63,8 @@ class Locus {
 
   draw(q) {
     this.q = q;
-    const { joints, engine } = this.page, [i, j] = this.shown, spans = this.spans;
-    const branch = Engine.curveBranch(this.family, q, engine.joints), held = q.slice();
+    const { joints } = this, [i, j] = this.shown, spans = this.spans;
+    const branch = Engine.curveBranch(this.family, q, joints), held = q.slice();
     for (const v of branch.values) held[v.joint] = v.value;
     const lines = Engine.locus(branch.equation, held, i, j, ...spans);
     const text = (k, v) => Engine.valueText(joints[k].prismatic, v, 0);

@@ -1,15 +1,19 @@
-// Ties the view, the panel, the player and the source of frames together.
+// Ties the view, the panel and the player together, and computes what they show of an arm.
 "use strict";
 
 const SHARPER = [1e6, 1e7]; // terms of equations, one after the other, that a pose at rest is worth
+const SHOWN_AT_MOST = 400; // samples of a file
 // What can be shown and not: options of the view.
 const SHOWN = { translation: "translation", rotation: "rotation", lost: "what is lost", axis: "axes that depend on each other",
                 axes: "all joint axes", visual: "shapes", bone: "skeleton", floor: "floor" };
 
+const wait = (milliseconds) => new Promise((resolve) => setTimeout(resolve, milliseconds));
+const degrees = (angle) => ((angle * 180) / Math.PI).toFixed(1);
+
 class App {
   constructor(page, view, scene, stream = null) {
-    this.page = page;
-    this.view = view;
+    const { engine, entries } = page;
+    Object.assign(this, { page, engine, view, stream, joints: engine.joints, entry: null, pose: 0, wanted: null, turn: 0 });
     this.view.begin(page.settings, scene);
     $("shown").append(...Object.entries(SHOWN).map(([option, words]) => {
       const box = make("input");
@@ -17,20 +21,16 @@ class App {
       box.addEventListener("change", () => view.set(option, box.checked));
       return make("label", "", box, ` ${words}`);
     }));
+    this.places = entries.flatMap((entry, i) => entry.q.map((_, k) => [i, k]));
+    this.aside = new Aside(engine); // what is looked at around a pose
+    this.search = new Aside(engine); // what was asked for, which a look does not end
     this.panel = page.mechanism ? new MechanismPanel(this) : new Panel(this);
-    this.source = page.mechanism ? new MechanismSource(page) : new EngineSource(page);
-    this.stream = stream;
-    stream?.follow(this);
     this.player = new Player((frame) => this.frame(frame), () => this.settle());
     this.take = new Take(this);
     this.postures = new Postures(this, page.postures ?? []);
-    this.places = page.entries.flatMap((e, i) => [...Array(e.poses).keys()].map((k) => [i, k]));
-    this.entry = null;
-    this.pose = 0;
-    this.wanted = null;
-    this.turn = 0;
     this.drag = new Drag(this);
     this.controls();
+    stream?.follow(this);
   }
 
   // Whether the program behind the page reads trajectory files.
@@ -38,42 +38,33 @@ class App {
 
   get path() { return this.player.path; }
   get running() { return this.player.running; }
-  get drawn() { return this.player.drawn; }
   at(place) { this.player.at(place); }
   pause() { this.player.pause(); }
 
   controls() {
-    $("prev").addEventListener("click", () => this.step(-1));
-    $("next").addEventListener("click", () => this.step(1));
-    $("play").addEventListener("click", () => this.toggle());
-    $("fit").addEventListener("click", () => { this.view.touched = false; this.view.fit([this.view.frame]); });
-    $("reset").addEventListener("click", () => this.reset());
+    const clicked = {
+      prev: () => this.step(-1), next: () => this.step(1), play: () => this.toggle(), reset: () => this.reset(),
+      fit: () => { this.view.touched = false; this.view.fit([this.view.frame]); },
+      "nearest-pose": () => this.nearest(), "clearest-pose": () => this.clearest(),
+    };
+    for (const [id, action] of Object.entries(clicked)) $(id).addEventListener("click", action);
     for (const radio of document.querySelectorAll("input[name=mode]")) {
       radio.checked = radio.value === this.view.options.mode;
-      radio.addEventListener("change", () => this.mode(radio.value));
+      radio.addEventListener("change", () => { this.view.set("mode", radio.value); this.panel.keys(); });
     }
-    $("nearest-pose").addEventListener("click", () => this.nearest());
-    $("clearest-pose").addEventListener("click", () => this.clearest());
     document.addEventListener("keydown", (event) => this.key(event));
     window.addEventListener("hashchange", () => this.readAddress());
     window.addEventListener("beforeprint", () => $("printed").replaceChildren(this.view.still()));
     window.addEventListener("afterprint", () => $("printed").replaceChildren());
   }
 
-  mode(value) {
-    this.view.set("mode", value);
-    this.panel.mode = value;
-    this.panel.keys();
-  }
-
   key(event) {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
-    const { target } = event, typing = target instanceof HTMLInputElement || target instanceof HTMLSelectElement;
-    const onButton = target instanceof HTMLButtonElement || target instanceof HTMLElement && target.tagName === "SUMMARY";
+    const { target } = event, typing = target.matches?.("input, select");
     if (typing && target.type !== "checkbox") return;
     if (event.key === "ArrowRight" || event.key === "n") this.step(1);
     else if (event.key === "ArrowLeft" || event.key === "p") this.step(-1);
-    else if (event.key === " " && !onButton && !typing) this.toggle();
+    else if (event.key === " " && !typing && !target.matches?.("button, summary")) this.toggle();
     else if (event.key === "f") $("fit").click();
     else return;
     event.preventDefault();
@@ -84,13 +75,20 @@ class App {
     $("playing").title = words; // a narrow page cuts it
   }
 
+  // What `work` gives; null where something else was asked for meanwhile. `words` stand until then.
+  async meanwhile(words, work) {
+    const turn = ++this.turn;
+    this.say(words);
+    const found = await wait(20).then(work); // the page says first what it does
+    return turn === this.turn ? found : null;
+  }
+
   async start() {
-    const { q, entry, pose, words } = await (this.stream?.start() ?? this.page.start), shared = this.shared();
+    const { q, entry, pose, words } = await (this.stream?.start() ?? this.page.start), shared = this.shared(), { way } = this.page;
     this.select(shared ? null : entry, pose, false);
-    const frame = shared ?? this.source.compute(q);
+    const frame = shared ?? this.compute(q);
     this.frame(frame);
     this.view.fit([frame]);
-    const { way } = this.page;
     if (this.problem) this.refuse(this.problem);
     else if (words && !shared) this.say(words);
     if (way && !shared) this.trajectory(way);
@@ -101,10 +99,12 @@ class App {
   async dress(links) {
     for (const command of commandsOf(links)) {
       this.view.viewer.handle_command_bytearray(command);
-      if (!document.hidden) await nextTask();
+      if (!document.hidden) await wait();
     }
     this.view.dress();
   }
+
+  compute(q) { return Engine.frameAt(this.engine, q); }
 
   // `dragged` is the slider that stays where it is.
   frame(frame, dragged = -1) {
@@ -122,44 +122,65 @@ class App {
     if (!this.running) this.resting = setTimeout(() => this.rest(this.view.frame), 60);
   }
 
-  rest(frame) {
-    this.panel.ticks(this.source.marks(frame.q), this.source.zones(frame.q));
-    if (this.entry !== null) this.panel.curve(this.entry, this.source.familyOf(this.entry), frame.q);
-    this.sharpen(frame);
-  }
+  // Whether a frame is no longer what the page shows at rest.
+  stale(frame) { return frame !== this.view.frame || this.running || this.wanted !== null; }
 
-  // What is certain of the distance, and what is found, brought together beside the page.
-  async sharpen(frame) {
-    const { engine } = this.page, aside = this.aside ??= new Aside(engine), onWay = ["into", "along"].includes(this.path?.kind);
+  // What is certain of the distance, and what is found, are brought together beside the page.
+  async rest(frame) {
+    const { q } = frame, { engine, aside } = this;
+    this.panel.ticks(this.marks(q), this.zones(q));
+    if (this.entry !== null) this.panel.curve(this.entry, this.familyOf(this.entry), q);
     aside.stop();
     for (const terms of SHARPER) {
-      if (onWay || !frame.verdict || frame.verdict.sure || (terms > SHARPER[0] && !aside.able)) return;
-      const found = await aside.ask("sharpened", frame.q, frame.verdict, terms);
-      if (!found || frame !== this.view.frame || this.running || this.wanted) return;
+      if (["into", "along"].includes(this.path?.kind) || !frame.verdict || frame.verdict.sure || (terms > SHARPER[0] && !aside.able)) return;
+      const found = await aside.ask("sharpened", q, frame.verdict, terms);
+      if (!found || this.stale(frame)) return;
       Engine.remember(engine, found);
       frame.verdict = found;
       this.panel.verdict(frame);
     }
   }
 
+  // Where each joint alone would meet each family.
+  marks(q) {
+    const { families } = this.engine, single = families.filter((f) => f.branches.every((b) => b.equations.length < 2));
+    return this.joints.map(({ span, prismatic }, j) => single.flatMap((f) =>
+      Engine.meetings(f, q, j, ...span, prismatic).map((value) => ({ value, name: f.name, text: f.text }))));
+  }
+
+  // Where each joint alone is in a zone, or not known to be outside.
+  zones(q) {
+    const { zones } = this.page;
+    return zones ? this.joints.map(({ span }, j) => Engine.zonesAlong(this.engine, zones, q, j, ...span)) : [];
+  }
+
+  familyOf(entry) { return (this.engine.families ?? []).find((f) => f.entry === entry) ?? null; }
+
   // What a dragged tip keeps: the rotation of the tool.
-  hold(q) { return Engine.tipRotation(this.page.engine, q); }
+  hold(q) { return Engine.tipRotation(this.engine, q); }
 
   // The arm with its tip led towards a point, and how far it lags, in words.
   led(q, goal, hold) {
-    const { engine, joints } = this.page, { q: there, left, stuck } = Engine.ledTip(engine, q, goal, hold), frame = this.source.compute(there);
+    const { q: there, left, stuck } = Engine.ledTip(this.engine, q, goal, hold), frame = this.compute(there);
     const why = frame.status !== "regular" ? "a motion is lost here"
-      : stuck.length ? `at the limit of ${stuck.map((j) => joints[j].name).join(", ")}` : "slowly, or not at all, that way";
+      : stuck.length ? `at the limit of ${stuck.map((j) => this.joints[j].name).join(", ")}` : "slowly, or not at all, that way";
     return { frame, words: left > 0.005 * this.page.settings.reach ? `the tip lags ${number(Math.round(1000 * left))} mm behind: ${why}` : "" };
   }
 
   // Joints put at values, the others as they are: [[joint, value], ...].
   pick(values) {
     ++this.turn;
-    if (this.path) { this.player.clear(); this.panel.playing(null); }
+    this.unload();
     const q = this.panel.values(this.view.frame);
     for (const [joint, value] of values) q[joint] = value;
-    this.frame(this.source.compute(q));
+    this.frame(this.compute(q));
+  }
+
+  // No path is played any more.
+  unload() {
+    if (!this.path) return;
+    this.player.clear();
+    this.panel.playing(null);
   }
 
   // The pose in the address, as a frame; `problem` says why there is none.
@@ -169,12 +190,9 @@ class App {
     return frame;
   }
 
-  framed(q) { return q.length === this.page.joints.length ? this.source.compute(q) : null; }
+  framed(q) { return q.length === this.joints.length ? this.compute(q) : null; }
 
-  misfit(q) {
-    const one = q.length === 1, alone = this.page.joints.length === 1;
-    return `the address holds ${q.length} value${one ? "" : "s"}; this robot has ${this.page.joints.length} joint${alone ? "" : "s"}`;
-  }
+  misfit(q) { return `the address holds ${many(q.length, "value")}; this robot has ${many(this.joints.length, "joint")}`; }
 
   // What was asked for and is not shown; until something else is.
   refuse(words) {
@@ -192,24 +210,42 @@ class App {
 
   // To the nearest singular pose, and back.
   nearest() {
-    const { q, status } = this.view.frame, back = this.before;
+    const { q, status } = this.view.frame, back = this.before, { entries } = this.page;
     if (back && back.there.every((v, j) => v === q[j])) { this.before = null; this.go(back.here); return; }
-    const found = this.source.nearest(q);
-    if (!found || found.on && status === "singular") { this.say(found ? "this pose is singular" : this.noneNear()); return; }
+    const found = this.nearestTo(q);
+    if (!found || found.on && status === "singular") {
+      this.say(found ? "this pose is singular" : !entries.length ? "nothing singular is listed for this arm and task"
+        : entries.some((e) => e.poses) ? "no singular pose was found" : "none of those listed is within the limits");
+      return;
+    }
     this.go(found.q);
     this.before = { here: q, there: this.view.frame.q };
     this.panel.nearestWords("back");
     if (found.words) this.say(found.words);
   }
 
-  noneNear() {
-    const { entries } = this.page;
-    return !entries.length ? "nothing singular is listed for this arm and task"
-      : entries.some((e) => e.poses) ? "no singular pose was found" : "none of those listed is within the limits";
+  // Of a family, or a listed pose that belongs to no family, as a search finds them: { q, on, words }.
+  nearestTo(q) {
+    const known = this.page.entries.flatMap((e, i) => (this.familyOf(i) ? e.q : []));
+    const found = Engine.nearestSingular(this.engine, q, known), listed = this.nearestListed(q);
+    if (listed && !(found && found.value <= listed.away)) return listed;
+    if (!found) return null;
+    const { value, least } = found, others = least > 0 ? `no listed family is nearer than ${degrees(least)}\u00b0` : "there may be nearer ones";
+    return { q: found.q, on: value <= 1e-7,
+             words: value - least < 1e-3 ? "" : `the nearest within the limits that was found, ${degrees(value)}\u00b0 away; ${others}` };
+  }
+
+  nearestListed(here) {
+    const { joints, task } = this.engine, away = (q) => Engine.farFrom(q, here, joints, task.lengthScale);
+    const listed = this.page.entries.flatMap(({ name, poses, q, into }, i) => (into && !this.familyOf(i) ? q.map((pose, k) =>
+      ({ q: pose, away: away(pose), words: `${name}${poses > 1 ? `, pose ${k + 1}` : ""}` })) : []));
+    if (!listed.length) return null;
+    const best = listed.reduce((a, b) => (b.away < a.away ? b : a));
+    return { ...best, on: best.away <= 1e-9, words: `${best.words}: the nearest that is listed; between those listed there may be others` };
   }
 
   // To a pose, that of an entry or another.
-  go(q, frame = this.source.compute(q), entry = null, pose = 0, scroll = true) {
+  go(q, frame = this.compute(q), entry = null, pose = 0, scroll = true) {
     ++this.turn;
     this.select(entry, pose, scroll);
     this.frame(frame);
@@ -217,27 +253,38 @@ class App {
   }
 
   async clearest() {
-    const turn = ++this.turn;
-    this.say("looking for the clearest pose\u2026");
-    await new Promise((resolve) => setTimeout(resolve, 20)); // the page says first what it does
-    const found = await this.source.clearest(this.view.frame.q);
-    if (!found || turn !== this.turn) return;
+    const found = await this.meanwhile("looking for the clearest pose\u2026", () => this.clearestTo(this.view.frame.q));
+    if (!found) return;
     if (found.q) this.go(found.q);
     this.say(found.words);
+  }
+
+  // As good as the pose shown, and as one that was computed before (`page.clearest`): { q, words }.
+  async clearestTo(here) {
+    const { engine } = this, { clearest: before, coverage } = this.page;
+    const found = await this.search.anew("clearestPose", [here, ...(before ? [before.q] : [])]);
+    if (!found) return null; // asked once more meanwhile
+    if (found.near) Engine.remember(engine, found.near);
+    const every = (coverage ?? "").startsWith("NOT") ? "every family listed (the list is NOT complete)" : "every family";
+    const { q, lower, upper } = before && before.lower >= found.lower ? { ...before, upper: before.lower } : found;
+    const least = `at least ${degrees(lower)}\u00b0 from ${every}`;
+    return { q, words: upper < 1e-9 ? "no pose clear of all families was found"
+      : lower === Infinity ? (engine.families.length ? "no listed family is within the limits" : "no family is listed to be clear of")
+      : degrees(lower) === degrees(upper) ? least : `${least}; the nearest found is ${degrees(upper)}\u00b0 away` };
   }
 
   // The pose as each kind of text has it.
   poseTexts() {
     const { q } = this.view.frame;
     return { flag: q, link: q, python: `q = np.array([${trimmed(q).join(", ")}])`,
-             json: { robot: this.page.robot.name, joints: this.page.joints.map((j) => j.name), q } };
+             json: { robot: this.page.robot.name, joints: this.joints.map((j) => j.name), q } };
   }
 
-  fileJoints() { return this.page.engine.joints; }
+  fileJoints() { return this.joints; }
 
   // A trajectory with what is said of it, as `trajectory_data` has it: the path of the tip coloured by
   // clearance, ready to be played.
-  trajectory(way, frames = way.rows.map((q) => this.source.compute(q))) {
+  trajectory(way, frames = way.rows.map((q) => this.compute(q))) {
     this.way = { ...way, frames };
     this.showWay(frames, (f) => (f.verdict ? f.verdict.lower : Infinity), way);
     $("path-box").hidden = false;
@@ -256,38 +303,37 @@ class App {
     const { frames, times, timed, spans } = this.way;
     if (this.path?.frames === frames) return;
     this.select(null, 0);
-    this.player.load(frames, "file", times, timed);
-    this.player.spans(spans);
+    this.player.load(frames, "file", times, timed, spans);
   }
 
   // The same of rows that the page has read by itself, samples in radians and metres.
   follow(name, rows) {
-    const { engine } = this.page, found = Engine.crossings(engine.families, rows, engine.joints, engine.task.lengthScale);
+    const { families, joints, task } = this.engine, found = Engine.crossings(families, rows, joints, task.lengthScale), last = rows.length - 1;
     const met = found.flatMap(({ name: family, at }) => at.map((t) => ({ t, kind: "meets", family }))).sort((a, b) => a.t - b.t).slice(0, 30);
-    const step = Math.max(1, Math.ceil(rows.length / 400)), shown = rows.map((_, i) => i).filter((i) => i % step === 0 || i === rows.length - 1);
-    const times = [...new Set([...shown, ...met.map(({ t }) => t)])].sort((a, b) => a - b), between = (t) => {
-      const k = Math.min(Math.floor(t), rows.length - 2);
-      return Number.isInteger(t) ? rows[t] : rows[k].map((v, j) => v + (t - k) * (rows[k + 1][j] - v));
+    const times = [...new Set([...evenly(rows), ...met.map(({ t }) => t)])].sort((a, b) => a - b), between = (t) => {
+      const a = rows[Math.floor(t)], b = rows[Math.min(Math.floor(t) + 1, last)];
+      return a.map((v, j) => v + (t % 1) * (b[j] - v));
     };
-    const frames = times.map((t) => this.source.compute(between(t))), away = (f) => f.verdict?.value ?? Infinity;
+    const frames = times.map((t) => this.compute(between(t))), away = (f) => f.verdict?.value ?? Infinity;
     const worst = frames.reduce((a, b) => (away(b) < away(a) ? b : a)), beyond = [...new Set(frames.flatMap((f) => f.outside))];
-    const bad = met.length > 0 || frames.some((f) => f.status === "singular");
-    const stops = met.length || !worst.verdict?.q ? met : [{ t: times[frames.indexOf(worst)], kind: "nearest", family: worst.verdict.text }];
+    const bad = met.length > 0 || frames.some((f) => f.status === "singular"), verdict = met.length
+      ? `crosses ${found.map((f) => f.name).join(", ")}, first at sample ${Number(met[0].t.toFixed(2))}`
+      : bad ? "is singular at a sample" : "meets no singular configuration that this page looks for";
     this.trajectory({
-      verdict: `${name}: ${met.length ? `crosses ${found.map((f) => f.name).join(", ")}, first at sample ${Number(met[0].t.toFixed(2))}` : bad ? "is singular at a sample" : "meets no singular configuration that this page looks for"}`,
+      verdict: `${name}: ${verdict}`,
       tone: bad ? "singular" : beyond.length || frames.some((f) => f.status !== "regular") ? "near-singular" : "regular",
-      lines: [`${rows.length} sample${rows.length === 1 ? "" : "s"}, nearest: ${met.length ? "0\u00b0 (crossed)" : worst.verdict ? worst.verdict.text : "no family"}`,
+      lines: [`${many(rows.length, "sample")}, nearest: ${met.length ? "0\u00b0 (crossed)" : worst.verdict ? worst.verdict.text : "no family"}`,
               ...(beyond.length ? [`outside the limits: ${beyond.join(", ")}`] : [])],
       notes: ["read as radians and metres, one column a joint", "times are not read; samples are counted from 0", "families of several conditions are looked for at the samples, others between them too", "`pinsing check ROBOT FILE` proves what is met between samples"],
-      rows: [], times, timed: false, stops, spans: met.map(({ t }) => [t, t, "meets"]),
+      stops: met.length || !worst.verdict?.q ? met : [{ t: times[frames.indexOf(worst)], kind: "nearest", family: worst.verdict.text }],
+      times, timed: false, spans: met.map(({ t }) => [t, t, "meets"]),
     }, frames);
   }
 
   showWay(frames, clearance, { times, timed, spans } = {}) {
     this.select(null, 0);
     this.view.trail(frames.map((f) => ({ at: f.tip, clearance: clearance(f) })));
-    this.player.load(frames, "file", times, timed);
-    if (spans) this.player.spans(spans);
+    this.player.load(frames, "file", times, timed, spans);
     this.at(-Infinity);
     this.view.fit(frames);
   }
@@ -296,8 +342,7 @@ class App {
     this.player.clear();
     this.before = null;
     this.panel.nearestWords("nearest singular");
-    this.entry = entry;
-    this.pose = pose;
+    Object.assign(this, { entry, pose });
     this.panel.choose(entry, pose, scroll);
     this.panel.playing(null);
     const found = entry === null ? null : this.page.entries[entry];
@@ -309,13 +354,19 @@ class App {
     await this.lookForMeetings(entry, pose);
   }
 
-  // Once for each entry: other families that it meets.
+  // Once for each entry: other families that it meets, with poses on both.
   async lookForMeetings(entry, pose) {
+    const { engine } = this, family = this.familyOf(entry);
     this.looked ??= new Set();
-    if (this.looked.has(entry)) return;
+    if (!family || this.looked.has(entry)) return;
     this.looked.add(entry);
-    await new Promise((resolve) => setTimeout(resolve, 150));
-    for await (const found of this.source.meets(entry, pose)) this.panel.meets(entry, found);
+    await wait(150);
+    for (const other of engine.families) {
+      if (other === family || other.reachable === false) continue;
+      await wait();
+      const poses = Engine.meetingPoses(engine, family, other, this.page.entries[entry].q[pose]);
+      if (poses.length) this.panel.meets(entry, { name: other.name, poses });
+    }
   }
 
   // Where two families meet: one pose after the other.
@@ -329,11 +380,8 @@ class App {
   reset() { if (this.entry !== null) this.choose(this.entry, Math.max(this.pose, 0)); }
 
   step(by) {
-    if (!this.places.length) return;
-    const here = this.places.findIndex(([e, k]) => e === this.entry && k === this.pose);
-    const count = this.places.length;
-    const [entry, pose] = this.places[here < 0 ? 0 : (here + by + count) % count];
-    this.choose(entry, pose);
+    const count = this.places.length, here = this.places.findIndex(([e, k]) => e === this.entry && k === this.pose);
+    if (count) this.choose(...this.places[here < 0 ? 0 : (here + by + count) % count]);
   }
 
   // The button of what is playing ends it.
@@ -345,17 +393,22 @@ class App {
   // "into" a singular configuration, or "along" the family.
   async play(kind) {
     if (this.entry === null) return;
-    const turn = ++this.turn, entry = this.page.entries[this.entry];
+    const entry = this.page.entries[this.entry], { said } = PATHS[kind];
     this.pause();
-    this.say("computing the path\u2026");
-    const frames = await this.source.path(this.entry, Math.max(this.pose, 0), kind);
-    if (turn !== this.turn) return;
-    this.say(frames.length ? `${PATHS[kind].said} ${entry.name}` : `no way to ${PATHS[kind].said} ${entry.name} was found here`);
+    const frames = await this.meanwhile("computing the path\u2026", () => this.pathOf(this.entry, Math.max(this.pose, 0), kind));
+    if (!frames) return;
+    this.say(frames.length ? `${said} ${entry.name}` : `no way to ${said} ${entry.name} was found here`);
     if (!frames.length) return;
     this.player.load(frames, kind);
     this.panel.playing(kind);
     if (!this.view.touched) this.view.fit(frames);
     this.player.resume();
+  }
+
+  pathOf(entry, k, kind) {
+    const { engine } = this, family = this.familyOf(entry), { moved, q } = this.page.entries[entry];
+    if (kind === "along" && !family) return [];
+    return Engine.framesOf(engine, kind === "into" ? Engine.into(engine, moved, q[k]) : Engine.along(engine, family, q[k]), family);
   }
 
   toggle() {
@@ -373,18 +426,18 @@ class App {
 
   // Of moves that come at once only the last counts.
   async want(wanted) {
-    if (this.path) { this.player.clear(); this.panel.playing(null); }
+    this.unload();
     this.say("");
     const idle = this.wanted === null;
     this.wanted = wanted;
     if (!idle) return;
     const turn = ++this.turn;
-    await nextTask();
+    await wait();
     if (turn === this.turn) this.frame(this.moved(this.wanted), this.wanted.joint);
     this.wanted = null;
   }
 
-  moved({ q }) { return this.source.compute(q); }
+  moved({ q }) { return this.compute(q); }
 
   // A value was typed.
   typed(joint, value, text) {
@@ -394,16 +447,17 @@ class App {
   }
 
   async pushed(message) {
-    if (message.play) {
-      this.choose(message.entry, message.pose);
-      await this.play(message.play);
+    const { q, entry, pose, play, words } = message;
+    if (play) {
+      this.choose(entry, pose);
+      await this.play(play);
       return;
     }
     ++this.turn;
-    this.select(message.entry, message.pose);
-    const frame = this.source.compute(message.q);
+    this.select(entry, pose);
+    const frame = this.compute(q);
     this.frame(frame);
-    if (message.words) this.say(message.words);
+    if (words) this.say(words);
     else if (!this.view.touched) this.view.fit([frame]);
   }
 
@@ -412,4 +466,10 @@ class App {
     $("program").hidden = false;
     this.take.offer();
   }
+}
+
+// Places of rows of a file, evenly, the last among them.
+function evenly(rows) {
+  const step = Math.max(1, Math.ceil(rows.length / SHOWN_AT_MOST));
+  return [...rows.keys()].filter((i) => i % step === 0 || i === rows.length - 1);
 }

@@ -5,8 +5,6 @@ const SETTLED = 120; // ms without a move
 
 class MechanismApp extends App {
   constructor(page, view, scene, stream) {
-    const { engine } = page;
-    engine.homePose = Engine.poseOf(engine, Engine.placeOf(engine, engine.home));
     super(page, view, scene, stream);
     document.body.classList.add("mechanism");
     // In a plane, what is drawn at the output lies inside the links.
@@ -19,42 +17,46 @@ class MechanismApp extends App {
     }
   }
 
+  compute(q) { return Engine.mechanismFrame(this.engine, q); }
+
+  familyOf() { return null; }
+
+  inputs(q) { return this.engine.actuated.map((i) => q[i]); }
+
   // A dragged output keeps the rest of its pose.
-  hold(q) { return Engine.poseOf(this.page.engine, Engine.placeOf(this.page.engine, q)); }
+  hold(q) { return Engine.poseOf(this.engine, Engine.placeOf(this.engine, q)); }
 
   led(q, goal, hold) {
-    const { engine } = this.page, { q: there, stop } = Engine.posed(engine, engine.pose.rows.map((row, k) => (row < 3 ? goal[row] : hold[k])), q);
-    return { frame: this.source.compute(there), words: stop ? `the output lags behind: ${Engine.stopWords(engine, stop)}` : "" };
+    const { engine } = this, { q: there, stop } = Engine.posed(engine, engine.pose.rows.map((row, k) => (row < 3 ? goal[row] : hold[k])), q);
+    return { frame: this.compute(there), words: stop ? `the output lags behind: ${Engine.stopWords(engine, stop)}` : "" };
   }
-
-  inputs(q) { return this.page.inputs.map((i) => q[i]); }
 
   // Once at rest: how far the inputs and the pose go, one after the other, and the other modes.
   async rest(frame) {
-    const { inputs, engine } = this.page, found = [], q = frame.q, aside = this.aside ??= new Aside(engine);
-    const stale = () => frame !== this.view.frame || this.running || this.wanted !== null;
+    const { engine, aside } = this, { q } = frame, found = [];
+    const looked = async (...asked) => { const answer = await aside.ask(...asked); return this.stale(frame) ? undefined : answer; };
     aside.stop();
-    await new Promise((resolve) => setTimeout(resolve, SETTLED));
-    for (const k of inputs.keys()) {
-      if (stale()) return;
-      found.push(await aside.ask("stretch", q, k));
-      if (stale()) return;
-      if (found[k]) this.panel.stretch(frame, inputs[k], found[k]);
+    await wait(SETTLED);
+    if (this.stale(frame)) return;
+    for (const [k, index] of engine.actuated.entries()) {
+      const reach = await looked("stretch", q, k);
+      if (reach === undefined) return;
+      if (reach) this.panel.stretch(frame, index, reach);
+      found.push(reach);
     }
-    const modes = await aside.ask("modesAt", q);
-    if (stale()) return;
+    const modes = await looked("modesAt", q);
+    if (!modes) return;
     this.panel.menu(modes.assemblies, modes.working);
-    this.stretches = found;
     if (frame.status !== "singular") {
       const none = found.every((one) => one && !one.points.length);
       this.panel.ahead(none ? "no input alone leads to a singular pose" : Engine.aheadOf(engine, q, found)?.text);
     }
     for (const k of engine.pose.rows.keys()) {
-      const reach = await aside.ask("poseStretch", q, k, this.page.settings.reach);
-      if (stale()) return;
+      const reach = await looked("poseStretch", q, k, this.page.settings.reach);
+      if (!reach) return;
       this.panel.stretch(frame, q.length + k, reach);
     }
-    this.known = frame;
+    Object.assign(this, { known: frame, stretches: found });
   }
 
   // An input moved, or a coordinate of the pose: the output is led.
@@ -66,65 +68,86 @@ class MechanismApp extends App {
     this.want({ goal, k, q: this.panel.values(frame), joint: index });
   }
 
+  // The way starts where the mechanism is, in the turn that its sliders show.
+  moved({ q, goal, k }) { return goal ? this.posed(q, goal, k) : this.driven(this.panel.values(this.view.frame), this.inputs(q)); }
+
+  // Frame where the mechanism gets to from a closed q on the way to new inputs; `refused` says where it
+  // stopped, and why.
+  driven(q, inputs) {
+    const { q: there, said } = Engine.inputsLed(this.engine, inputs, q);
+    return { ...this.compute(there), refused: said };
+  }
+
+  // The same with the output led to a pose; k: the coordinate that was moved.
+  posed(q, goal, k) {
+    const { engine } = this, { q: there, stop } = Engine.posed(engine, goal, q), frame = this.compute(there);
+    if (stop) {
+      const { symbol, prismatic } = engine.pose.coordinates[k], text = (pose, digits) => Engine.valueText(prismatic, pose[k], digits);
+      frame.refused = `infeasible: ${symbol} = ${text(goal)}. The output gets to ${text(frame.pose, 2)} ` +
+        `(${Engine.stopWords(engine, stop)}); the mechanism stays there.`;
+    }
+    return frame;
+  }
+
   // A pose out of an address: all joints, whose loops are closed, or the inputs alone.
   framed(q) {
-    const { engine, inputs, joints } = this.page;
-    if (q.length === joints.length) {
-      const { q: closed, error } = Engine.gaussNewton(engine, q, Engine.passiveOf(engine));
-      if (error <= 1e-9) return this.source.compute(closed);
-      return { ...this.source.compute(engine.home), refused: "refused: with the values in the address the loops do not close; this is home." };
-    }
-    return q.length === inputs.length ? this.source.driven(engine.home, q) : null;
+    const { engine, joints } = this, { home, actuated } = engine;
+    if (q.length !== joints.length) return q.length === actuated.length ? this.driven(home, q) : null;
+    const { q: closed, error } = Engine.gaussNewton(engine, q, Engine.passiveOf(engine));
+    if (error <= 1e-9) return this.compute(closed);
+    return { ...this.compute(home), refused: "refused: with the values in the address the loops do not close; this is home." };
   }
 
   misfit(q) {
-    const { joints, inputs } = this.page, fits = q.length === joints.length;
-    return fits ? "the loops do not close near the joint values of the address"
-      : `the address holds ${q.length} value${q.length === 1 ? "" : "s"}; this mechanism has ${joints.length} joints, ${inputs.length} of them inputs`;
+    const count = this.joints.length;
+    return q.length === count ? "the loops do not close near the joint values of the address"
+      : `the address holds ${many(q.length, "value")}; this mechanism has ${count} joints, ${this.engine.actuated.length} of them inputs`;
   }
 
-  // The way starts where the mechanism is, in the turn that its sliders show.
-  moved({ q, goal, k }) {
-    return goal ? this.source.posed(q, goal, k) : this.source.driven(this.panel.values(this.view.frame), this.inputs(q));
+  nearestTo(q) {
+    const { engine } = this, found = Engine.aheadOf(engine, q, engine.actuated.map((_, k) => Engine.stretch(engine, q, k)));
+    return found ? { q: found.q, on: false } : this.nearestListed(q);
   }
 
-  async reset() {
-    if (this.entry !== null) { this.choose(this.entry, this.pose); return; }
-    this.go(this.page.engine.home);
+  async clearestTo(here) {
+    const found = await this.search.anew("healthiestPose", [here]);
+    return found && { q: found.q, words: found.q ? "the clearest pose found: measures of type 1, type 2 and constraint of at least " +
+      number(found.measure) : "no regular pose within the limits was found" };
   }
+
+  pathOf(entry, k, kind) {
+    const { q, points } = this.page.entries[entry], point = { ...points[k], q: q[k] };
+    return Engine[kind === "into" ? "mechanismInto" : "mechanismAlong"](this.engine, point).map((row) => this.compute(row));
+  }
+
+  reset() { if (this.entry !== null) super.reset(); else this.go(this.engine.home); }
 
   poseTexts() {
-    const { q, pose } = this.view.frame, flag = this.inputs(q), names = this.page.joints.map((j) => j.name);
-    const { engine } = this.page, coordinates = pose.map((_, k) => Engine.poseName(engine, k));
-    return { flag, link: q, python: `inputs = np.array([${trimmed(flag).join(", ")}])  # ${this.page.robot.inputs.join(", ")}\n` +
-               `pose = np.array([${trimmed(pose).join(", ")}])  # ${coordinates.join(", ")}, m and rad\n` +
-               `q = np.array([${trimmed(q).join(", ")}])`,
-             json: { robot: this.page.robot.name, joints: names, q, inputs: this.page.robot.inputs,
-                     pose: Object.fromEntries(coordinates.map((name, k) => [name, pose[k]])) } };
+    const { q, pose } = this.view.frame, { robot } = this.page, flag = this.inputs(q), { json } = super.poseTexts();
+    const coordinates = this.engine.pose.coordinates.map(({ symbol }) => symbol), array = (values) => `np.array([${trimmed(values).join(", ")}])`;
+    return { flag, link: q,
+             python: `inputs = ${array(flag)}  # ${robot.inputs.join(", ")}\npose = ${array(pose)}  # ${coordinates.join(", ")}, m and rad\nq = ${array(q)}`,
+             json: { ...json, inputs: robot.inputs, pose: Object.fromEntries(coordinates.map((name, k) => [name, pose[k]])) } };
   }
 
-  fileJoints() { return this.page.inputs.map((i) => this.page.engine.joints[i]); }
+  fileJoints() { return this.engine.actuated.map((i) => this.joints[i]); }
 
   // A file holds the inputs: the mechanism follows them from where it is, as far as the mode goes. A row may
   // be many steps from the one before, so a worker takes them.
-  async follow(name, all) {
-    const count = all.length, step = Math.max(1, Math.ceil(count / 400)), rows = all.filter((_, i) => i % step === 0 || i === count - 1);
-    const turn = ++this.turn;
-    this.say(`${name}: following the inputs\u2026`);
-    const found = await this.source.beside("followInputs", this.view.frame.q, rows);
-    if (!found || turn !== this.turn) return;
-    const { path, row, said } = found;
-    const end = said && `; sample ${Math.round((row * (count - 1)) / Math.max(1, rows.length - 1)) + 1}: ${said}`;
+  async follow(name, rows) {
+    const places = evenly(rows), asked = () => this.search.anew("followInputs", this.view.frame.q, places.map((i) => rows[i]));
+    const found = await this.meanwhile(`${name}: following the inputs\u2026`, asked);
+    if (!found) return;
+    const { path, row, said } = found, end = said && `; sample ${places[row] + 1}: ${said}`;
     if (!path.length) { this.say(`${name}${end}`); return; }
-    const frames = path.map((q) => this.source.compute(q));
-    const measure = (f) => Math.min(f.one, f.two, f.constraint), worst = frames.reduce((a, b) => (measure(b) < measure(a) ? b : a));
+    const frames = path.map((q) => this.compute(q)), measure = (f) => Math.min(f.one, f.two, f.constraint);
     this.showWay(frames, measure);
-    this.say(`${name}: ${count} samples, smallest measure ${number(measure(worst))}${end}`);
+    this.say(`${name}: ${rows.length} samples, smallest measure ${number(Math.min(...frames.map(measure)))}${end}`);
   }
 
   // Let go, a slider is where the mechanism is.
   release() {
-    if (this.wanted) { setTimeout(() => this.release(), 30); return; }
-    this.panel.sliders(this.view.frame);
+    if (this.wanted) setTimeout(() => this.release(), 30);
+    else this.panel.sliders(this.view.frame);
   }
 }

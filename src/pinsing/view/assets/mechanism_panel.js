@@ -1,4 +1,4 @@
-// The panel of a mechanism with closed loops: sliders of its inputs, passive joints, modes.
+// The panel of a mechanism with closed loops: sliders of its inputs and its pose, passive joints, modes.
 "use strict";
 
 const MECHANISM_NUMBERS = [
@@ -7,6 +7,7 @@ const MECHANISM_NUMBERS = [
   ["constraint", "\u03c3 loops", "Smallest over largest singular value of the loop closure: zero where the linkage gains a motion"],
   ["condition", "condition", "Fastest over slowest output motion at unit actuator speed"],
 ];
+const SINGLE = ["gain", "output speed", "Output speed at unit actuator speed"];
 const KIND_WORDS = { "type 1": "Type 1 singularity", "type 2": "Type 2 singularity",
                      "type 3": "Type 3 singularity", constraint: "Constraint singularity" };
 const TURN = 2 * Math.PI;
@@ -14,79 +15,59 @@ const FEW = 4; // passive joints that are listed unasked
 
 class MechanismPanel extends Panel {
   head() {
-    const { robot, joints } = this.page;
+    const { robot, settings } = this.page;
     $("chain").title = "actuated joints, output and its rows, and the length scale L that lengths are divided by";
-    formula($("chain"), `${joints.length} joints \u00b7 driven by ${robot.inputs.join(", ")} \u00b7 ` +
+    formula($("chain"), `${this.listed.length} joints \u00b7 driven by ${robot.inputs.join(", ")} \u00b7 ` +
       `output ${robot.output} (${robot.task}) \u00b7 L\u00a0=\u00a0${robot.lengthScale}\u00a0m`);
     $("bars").hidden = true;
     $("modes").hidden = false;
     $("key-hot").textContent = "self-motion with actuators or output locked";
-    const { translation, rotation } = this.page.settings;
-    $("ellipsoid-mode").hidden = translation === null || rotation === null;
-    for (const [kind, scale] of [["translation", translation], ["rotation", rotation]]) {
-      $(`key-${kind}`).hidden = scale === null;
-      $(`show-${kind}`).parentElement.hidden = scale === null;
+    for (const kind of ["translation", "rotation"]) {
+      const none = settings[kind] === null;
+      $(`key-${kind}`).hidden = $(`show-${kind}`).parentElement.hidden = none;
+      $("ellipsoid-mode").hidden ||= none;
     }
     $("mode-menu").addEventListener("change", () => this.app.go(JSON.parse($("mode-menu").value)));
   }
 
-  numbers() {
-    const single = ["gain", "output speed", "Output speed at unit actuator speed"];
-    return this.page.inputs.length > 1 ? MECHANISM_NUMBERS : [...MECHANISM_NUMBERS.slice(0, 3), single];
-  }
+  numbers() { return this.page.robot.inputs.length > 1 ? MECHANISM_NUMBERS : [...MECHANISM_NUMBERS.slice(0, 3), SINGLE]; }
+
+  ownScale() { return ""; }
 
   scale() {
-    const { translation, rotation, thickness } = this.page.settings;
-    const parts = [];
-    if (translation !== null) parts.push(`1 m/s is drawn ${number(translation)} m long`);
-    if (rotation !== null) parts.push(`1 rad/s ${parts.length ? "" : "is drawn "}${number(rotation)} m`);
+    const { translation, rotation, thickness } = this.page.settings, drawn = [[translation, "m/s", " long"], [rotation, "rad/s", ""]];
+    const parts = drawn.filter(([scale]) => scale !== null).map(([scale, unit, long], k) => `1 ${unit} ${k ? "" : "is drawn "}${number(scale)} m${long}`);
     return `At unit actuator speed: ${parts.join(", ")}. What is flat is drawn up to ` +
       `${number(1000 * thickness)} mm thick, to be seen; what is very long is cut short.`;
   }
 
   keys() {
-    const { output } = this.page.robot;
-    const pure = (this.mode ?? this.page.settings.mode) === "pure";
-    $("key-translation").textContent = `velocities of ${output}${pure ? " with its orientation held" : ""}`;
-    const ring = this.page.settings.planar ? " (radius: how fast)" : "";
-    $("key-rotation").textContent = `turning of ${output}${pure ? " in place" : ""}${ring}`;
+    const { robot: { output }, settings: { planar } } = this.page, [held, inPlace] = this.pure ? [" with its orientation held", " in place"] : ["", ""];
+    $("key-translation").textContent = `velocities of ${output}${held}`;
+    $("key-rotation").textContent = `turning of ${output}${inPlace}${planar ? " (radius: how fast)" : ""}`;
   }
 
   joints() {
-    const { page } = this, passive = make("details"), count = page.joints.length - page.inputs.length;
-    const title = make("h3", "", `Pose of ${page.robot.output}, led`);
+    const { app } = this, { actuated, pose } = app.engine, count = this.listed.length, output = this.page.robot.output;
+    const title = make("h3", "", `Pose of ${output}, led`), passive = make("details"), few = count - actuated.length;
     title.title = "Metres and degrees in the axes of the base; roll, pitch, yaw about x, y, z";
-    this.listed = [...page.joints, ...this.coordinates()];
-    this.windows = this.listed.map((j) => [j.lower, j.upper]);
+    this.listed = [...this.listed, ...pose.coordinates];
+    this.windows = this.listed.map(({ span }) => span);
     $("joints").style.setProperty("--name", `${Math.min(Math.max(...this.listed.map((j) => j.symbol.length), 3), 12)}ch`);
+    passive.append(make("summary", "", `${many(few, "passive joint")}, solved`));
+    Object.assign(passive, { id: "passive", open: few <= FEW });
     this.rows = this.listed.map((_, index) => {
-      const pose = index >= page.joints.length, moves = pose || page.inputs.includes(index), found = this.row(index, moves);
-      if (pose) found.row.classList.add("pose-row");
+      const input = actuated.includes(index), led = index >= count, found = this.row(index, input || led);
       // Let go where the mechanism cannot follow, the slider goes back to it.
-      if (moves) found.slider.addEventListener("change", () => this.app.release());
-      else found.row.classList.add("passive");
+      if (input || led) found.slider.addEventListener("change", () => app.release());
+      else passive.append(found.row);
+      found.row.classList.add(...(led ? ["pose-row"] : input ? [] : ["passive"]));
       return found;
     });
-    const rows = (some) => some.map((index) => this.rows[index].row), all = [...this.rows.keys()];
-    $("joints").append(...rows(page.inputs), title, ...rows(all.slice(page.joints.length)));
-    $("joints-note").textContent = "Green: within reach of this slider alone, in the present mode. " +
-      "Marks: singular poses on the way.";
-    passive.id = "passive";
-    passive.open = count <= FEW;
-    passive.append(make("summary", "", `${count} passive joint${count === 1 ? "" : "s"}, solved`),
-      ...rows(all.slice(0, page.joints.length).filter((index) => !page.inputs.includes(index))));
+    const rows = this.rows.map(({ row }) => row);
+    $("joints").append(...actuated.map((index) => rows[index]), title, ...rows.slice(count));
+    $("joints-note").textContent = "Green: within reach of this slider alone, in the present mode. Marks: singular poses on the way.";
     $("joints-note").parentElement.after(passive);
-  }
-
-  // The coordinates in which the output is led, as joints.
-  coordinates() {
-    const { engine, robot, settings: { reach } } = this.page, { rows, turn } = engine.pose;
-    return rows.map((row, k) => {
-      const symbol = Engine.poseName(engine, k), home = engine.homePose[k], prismatic = row < 3;
-      const limited = row === 4 && turn.kind !== "axis", most = limited ? Math.PI / 2 : Math.PI;
-      const [lower, upper] = prismatic ? [home - reach, home + reach] : [-most, most];
-      return { name: `${symbol} of ${robot.output}`, symbol, prismatic, limited, lower, upper };
-    });
   }
 
   own(frame, index) { return frame.q[index] ?? frame.pose[index - frame.q.length]; }
@@ -103,8 +84,7 @@ class MechanismPanel extends Panel {
   // A length may be led beyond the slider that it began with.
   widen(index, lower, upper) {
     const { slider } = this.rows[index], [low, high] = this.windows[index];
-    this.windows[index] = [Math.min(low, lower), Math.max(high, upper)];
-    [slider.min, slider.max] = this.windows[index];
+    this.windows[index] = [slider.min, slider.max] = [Math.min(low, lower), Math.max(high, upper)];
   }
 
   show(frame, dragged = -1) {
@@ -132,15 +112,9 @@ class MechanismPanel extends Panel {
 
   menu(assemblies, working) {
     const groups = [["At these inputs (assembly modes)", assemblies], ["At this pose (working modes)", working]];
-    $("mode-menu").replaceChildren(...groups.filter(([, modes]) => modes.length > 1 || modes === assemblies).map(([title, modes]) => {
-      const group = make("optgroup", "", ...modes.map((mode) => {
-        const option = make("option", "", mode.name);
-        option.value = JSON.stringify(mode.q);
-        option.selected = mode.here && modes === assemblies;
-        return option;
-      }));
-      group.label = title;
-      return group;
+    $("mode-menu").replaceChildren(...groups.filter(([, modes]) => modes.length > 1 || modes === assemblies).map(([label, modes]) => {
+      const options = modes.map(({ name, q, here }) => new Option(name, JSON.stringify(q), false, here && modes === assemblies));
+      return Object.assign(make("optgroup", "", ...options), { label });
     }));
   }
 
@@ -148,14 +122,14 @@ class MechanismPanel extends Panel {
 
   // How far an input or a coordinate of the pose goes, why no further, and the singular poses on the way.
   stretch(frame, index, { lower, upper, whole, below, above, points }) {
-    const { engine } = this.page, { name, limited, prismatic } = this.listed[index], { row, slider, band } = this.rows[index];
-    if (!limited && !prismatic) this.windows[index] = turnOf(lower, upper, whole);
+    const joint = this.listed[index], { name, prismatic } = joint, { row, slider, band } = this.rows[index];
+    if (!prismatic && (joint.lower === null || joint.upper === null)) this.windows[index] = turnOf(lower, upper, whole);
     this.widen(index, prismatic ? lower : Infinity, prismatic ? upper : -Infinity);
     const [low, high] = this.windows[index], shown = this.value(frame, index), shift = shown - this.own(frame, index);
     slider.value = shown;
     const place = (v) => Math.min(100, Math.max(0, (100 * (v + shift - low)) / (high - low)));
     const text = (v) => Engine.valueText(prismatic, v), from = whole ? 0 : place(lower);
-    const end = (v, stop) => text(v + shift) + (stop ? `: ${Engine.stopWords(engine, stop)}` : "");
+    const end = (v, stop) => text(v + shift) + (stop ? `: ${Engine.stopWords(this.app.engine, stop)}` : "");
     row.title = `${name}: ${whole ? "all the way round" : `from ${end(lower, below)}\nto ${end(upper, above)}`}`;
     band.replaceChildren(onBand("reach", from, whole ? 100 : Math.max(from + 0.6, place(upper))), ...points.map((point) => {
       const at = point.value ?? point.q[index], value = whole ? low + turned(at + shift - low) - shift : at;
@@ -169,10 +143,7 @@ const turned = (angle) => ((angle % TURN) + TURN) % TURN;
 
 // A turn that holds what is within reach: from -180 to 180 degrees if it can be that one.
 function turnOf(lower, upper, whole) {
-  const fits = (low) => {
-    const turns = Math.ceil((low - lower) / TURN - 1e-9) * TURN;
-    return upper + turns <= low + TURN + 1e-9;
-  };
+  const fits = (low) => upper + Math.ceil((low - lower) / TURN - 1e-9) * TURN <= low + TURN + 1e-9;
   const low = whole ? -Math.PI : [-Math.PI, 0, -Math.PI / 2, Math.PI / 2].find(fits) ?? (lower + upper) / 2 - Math.PI;
   return [low, low + TURN];
 }

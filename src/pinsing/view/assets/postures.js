@@ -24,7 +24,7 @@ class Postures {
     app.view.trail([]);
     if (!way) app.go(q);
     else {
-      const frames = way.map((row) => app.source.compute(row));
+      const frames = way.map((row) => app.compute(row));
       app.showWay(frames, (f) => (f.verdict ? f.verdict.lower : Infinity));
     }
     this.mark(k);

@@ -31,7 +31,7 @@ class Take {
   }
 
   // What to type for files that a page without a program behind it does not read.
-  get others() { return this.app.page.inputs ? "" : " For other files type: pinsing check ROBOT FILE -o page.html"; }
+  get others() { return this.app.page.mechanism ? "" : " For other files type: pinsing check ROBOT FILE -o page.html"; }
 
   // Which files the page takes.
   offer() {

@@ -7,7 +7,7 @@
 // what the slabs, and the ball of the best point known, leave of it. The box of the least bound is looked at
 // first, and halved.
 
-import { apart, evaluate, farFrom, freeOf, generator, lowerBound, project, sumAt, sumsOf } from "./families.mjs";
+import { apart, evaluate, freeOf, generator, lowerBound, project, sumAt, sumsOf } from "./families.mjs";
 import { dot, leastNorm, norm } from "./linear.mjs";
 import { measure } from "./measures.mjs";
 
@@ -396,10 +396,4 @@ function* starts(q, free, weight, count) {
     for (const j of joints) x[j] += (size * (2 * random() - 1)) / weight[j];
     yield x;
   }
-}
-
-// Nearest to q of single poses, in the same measure: { index, upper, q }, or null where there is none.
-export function nearestPose(poses, q, joints, lengthScale) {
-  const all = poses.map((pose, index) => ({ index, upper: farFrom(pose, q, joints, lengthScale), q: pose }));
-  return all.reduce((a, b) => (a && a.upper <= b.upper ? a : b), null);
 }

@@ -5,7 +5,7 @@
 // rate, power (T x n, power null where no joint in it slides), noise, reach, curvature and size as the program's
 // `TrigSum`: sum of amplitude prod q^power cos(phase + rate . q). On boxes: how far it can be off its linear part.
 
-import { spanOf, turnedInto } from "./limits.mjs";
+import { turnedInto } from "./limits.mjs";
 import { leastNorm, norm } from "./linear.mjs";
 
 const known = new WeakMap(), plain = new WeakMap(); // of a branch, of an equation: made once
@@ -245,7 +245,7 @@ const SAME = 1e-3, SLACK = 1e-9;
 // [] where none is found.
 export function meetingPoses(data, one, two, start, count = 3, tries = 20) {
   const random = generator(31), found = [];
-  const span = data.joints.map((joint) => spanOf(joint, data.task.lengthScale));
+  const span = data.joints.map((joint) => joint.span);
   const draw = () => span.map(([low, high]) => low + random() * (high - low)), far = (a, b) => farFrom(a, b, data.joints, data.task.lengthScale);
   const branches = one.branches.flatMap((a) => two.branches.flatMap((b) => { const both = merged(a, b, data.joints); return both ? [both] : []; }));
   for (let k = 0; k < tries; k++) for (const branch of branches) {

@@ -1,4 +1,5 @@
-// Values and limits of joints; `lower` and `upper` are null where there is none.
+// Values and limits of joints; `lower` and `upper` are null where there is none, and `span` is where they
+// are drawn: within the limits, else a turn, or a length to both sides.
 
 const TURN = 2 * Math.PI, SLACK = 1e-9;
 
@@ -28,10 +29,4 @@ export function inDegrees({ prismatic, lower, upper }, value) {
   if (prismatic || !Number.isFinite(lower) || !Number.isFinite(upper)) return false;
   const read = (value * Math.PI) / 180;
   return (value < lower - TURN || value > upper + TURN) && read > lower - 0.01 && read < upper + 0.01;
-}
-
-// Where values are drawn: the limits, else a turn, or a length to both sides; beside one limit, from it on.
-export function spanOf({ prismatic, lower, upper }, length) {
-  const reach = prismatic ? length : Math.PI, high = upper ?? (lower ?? -reach) + 2 * reach;
-  return [lower ?? high - 2 * reach, high];
 }

@@ -13,7 +13,7 @@
 
 import { frameOf, jacobian, placements } from "./chain.mjs";
 import { generator } from "./families.mjs";
-import { cross, determinant, dot, identity, leastNorm, norm, product, rotationVector, scaled, subtract, svd, times, transpose } from "./linear.mjs";
+import { add, cross, determinant, dot, identity, leastNorm, norm, product, rotationVector, scaled, subtract, svd, times, transpose } from "./linear.mjs";
 
 export const CLOSED = 1e-11; // a residual up to this counts as closed
 const ROWS = { planar: 2, "3d": 3, "6d": 6 }, FULL = 2 * Math.PI;
@@ -54,6 +54,13 @@ export const wrap = (data, q) =>
 
 // Greatest difference of two configurations, whole turns aside, radians and metres.
 export const gapOf = (data, a, b) => worst(wrap(data, subtract(a, b)));
+
+// Rows moved by whole turns so that each is beside the one before.
+export function unrolled(data, rows) {
+  const out = [rows[0]];
+  for (let k = 1; k < rows.length; k++) out.push(add(out[k - 1], wrap(data, subtract(rows[k], out[k - 1]))));
+  return out;
+}
 
 export const passiveOf = (data) => data.joints.map((_, j) => !data.actuated.includes(j));
 export const everyJoint = (data) => data.joints.map(() => true);

@@ -1,8 +1,8 @@
 // Motions to play: into a singular pose of a mechanism, and along the locus that it lies on.
 
 import { add, subtract } from "./linear.mjs";
-import { CLOSED, everyJoint, gapOf, gaussNewton, worst, wrap } from "./mechanism.mjs";
-import { placeOn, refinePoint, trace } from "./singular_points.mjs";
+import { CLOSED, everyJoint, gapOf, gaussNewton, unrolled, worst, wrap } from "./mechanism.mjs";
+import { refinePoint, sides, trace } from "./singular_points.mjs";
 
 const FRAMES = 48, FAR = 1, STEP = 0.05, SWING = 0.6, JUMP = 0.35, SHORTEST = 6, REGULAR = 1e-3;
 
@@ -13,7 +13,7 @@ export function mechanismInto(data, point) {
   for (const moving of [first, ...inputs.filter((k) => k !== first)]) {
     const way = wayOut(data, point.q, moving);
     if (!way) continue;
-    const path = between(data, unrolled(data, way).reverse());
+    const path = between(data, way.reverse());
     if (!path.length) continue;
     path[path.length - 1] = add(path[path.length - 1], wrap(data, subtract(point.q, path[path.length - 1])));
     return path;
@@ -42,17 +42,9 @@ export function mechanismAlong(data, point) {
 // Rows from q to the most regular configuration to one side; null if there is none.
 function wayOut(data, q, moving) {
   const curve = trace(data, q, moving);
-  if (!curve) return null;
-  const { points, closed } = curve, count = points.length;
-  const here = placeOn(data, points, q);
   let best = REGULAR, found = null;
-  const range = (length, place) => Array.from({ length }, (_, k) => place(k));
-  const ways = closed // the last sample is the first again
-    ? [1, -1].map((s) => range(count - 1, (k) => (((here + s * k) % (count - 1)) + count - 1) % (count - 1)))
-    : [range(count - here, (k) => here + k), range(here + 1, (k) => here - k)];
-  for (const way of ways) {
-    const rows = unrolled(data, way.map((i) => points[i].q)), measure = way.map((i) => Math.min(points[i].one, points[i].two));
-    const end = until(rows, measure);
+  for (const way of curve ? sides(data, curve, q) : []) {
+    const rows = way.map((p) => p.q), measure = way.map((p) => Math.min(p.one, p.two)), end = until(rows, measure);
     if (measure[end] > best) { best = measure[end]; found = rows.slice(0, end + 1); }
   }
   return found;
@@ -67,13 +59,6 @@ function until(rows, measure) {
     if (measure[k] > measure[far] || far === 0) far = k;
   }
   return far;
-}
-
-// Rows moved by whole turns so that each is beside the one before.
-function unrolled(data, rows) {
-  const out = [rows[0]];
-  for (let k = 1; k < rows.length; k++) out.push(add(out[k - 1], wrap(data, subtract(rows[k], rows[k - 1]))));
-  return out;
 }
 
 // Configurations between rows, slow at the ends, closed again.

@@ -1,6 +1,6 @@
 // A mechanism is led by its output or its inputs, and all joints follow; no mode is jumped.
 //
-// `data.pose` is { rows, turn }: the coordinates in which the output can be led (0 to 2: x, y, z; 3 to 5:
+// `data.pose` is { rows, turn, coordinates }: the coordinates in which the output can be led (0 to 2: x, y, z; 3 to 5:
 // roll, pitch, yaw), and what the turning ones are: { kind: "full" } a rotation, led as one; "angles"
 // some of roll, pitch and yaw, whose others follow; "axis" an angle about base axis `row` counted on from
 // `at`, its value at the rotation `zero`. R = Rz(yaw) Ry(pitch) Rx(roll).
@@ -15,7 +15,6 @@ const MOST_ANGLE = 1e6, MOST_WAY = 1000; // radians; radians or length scales
 const IN_LINE = 0.02, WEAK = 0.02, LEAVE = 0.02;
 export const AT_TYPE_2 = 1e-6;
 
-const COORDINATES = ["x", "y", "z", "roll", "pitch", "yaw"];
 const shortest = (angle) => angle - TURN * Math.round(angle / TURN);
 
 // Roll, pitch, yaw of a rotation, and its inverse.
@@ -167,10 +166,6 @@ export function stopWords(data, { why, joint, q }) {
   const way = slides ? `the rod of ${name} square to its slide` : `the leg of ${name} in line`;
   return `${why} singularity${name && `: ${way}`}`;
 }
-
-// Coordinate k of the pose by its name, and a value of it in words.
-export const poseName = ({ pose, normal }, k) => (pose.rows[k] > 2 && normal ? "turn" : COORDINATES[pose.rows[k]]);
-export const poseText = ({ pose }, k, value, digits = 1) => valueText(pose.rows[k] < 3, value, digits);
 
 // Placement of the output.
 export function placeOf(data, q) { return frameOf(data.chain.tip, closure(data, q).places); }

@@ -4,7 +4,7 @@
 import { frameAt } from "./arm.mjs";
 import { distance, nearestOf } from "./distance.mjs";
 import { apart, farFrom, freeOf, generator, project } from "./families.mjs";
-import { endsOf, isOutside, outside, spanOf, turnedInto } from "./limits.mjs";
+import { endsOf, isOutside, outside, turnedInto } from "./limits.mjs";
 import { norm } from "./linear.mjs";
 import { measure } from "./measures.mjs";
 
@@ -26,8 +26,7 @@ export function into(data, moved, goal, frames = 30) {
       for (const j of joints) d[j] = 2 * random() - 1;
       const most = Math.max(...joints.map((j) => Math.abs(d[j]))) || 1;
       const begin = goal.map((g, j) => {
-        const [low, high] = spanOf(data.joints[j], data.task.lengthScale);
-        const reach = data.joints[j].prismatic ? 0.4 * (high - low) : 1.1;
+        const { span: [low, high], prismatic } = data.joints[j], reach = prismatic ? 0.4 * (high - low) : 1.1;
         return Math.min(Math.max(g + (d[j] / most) * reach, Math.min(low, g)), Math.max(high, g));
       });
       const ratios = Array.from({ length: 9 }, (_, k) => ratioAt(data, mix(begin, goal, k / 8)));
@@ -45,9 +44,9 @@ const mix = (a, b, t) => a.map((x, i) => x + t * (b[i] - x));
 
 // A closed curve on a family through `start`, all joints swinging; [] where none was found.
 export function along(data, family, start, frames = 54) {
-  const n = start.length, L = data.task.lengthScale;
+  const n = start.length;
   const branch = family.branches.reduce((best, b) => (off(b, start, data) < off(best, start, data) ? b : best));
-  const limits = data.joints.map((joint) => spanOf(joint, L));
+  const limits = data.joints.map((joint) => joint.span);
   for (const size of [1, 0.6, 0.3, 0.12]) {
     const path = [];
     for (let k = 0; k < frames; k++) {
@@ -107,7 +106,7 @@ const ENOUGH = 1e-3; // radians: what is promised beyond the best
 // it is that of the best pose.
 export function clearestPose(data, given = [], tries = 400) {
   const random = generator(11), sites = new Sites(data), families = within(data);
-  const limits = data.joints.map((joint) => drawnFrom(joint, data.task.lengthScale));
+  const limits = data.joints.map(drawnFrom);
   const looked = (q, terms) => {
     const { lower, best } = nearestOf(data, families, q, terms);
     if (best) sites.add(best.family.branches[best.branch], best.q);
@@ -177,11 +176,11 @@ class Sites {
 }
 
 // From where to where a joint is drawn: beyond a turn nothing new is found.
-function drawnFrom(joint, lengthScale) {
-  const [low, high] = spanOf(joint, lengthScale);
-  if (joint.prismatic) return [low, high];
+function drawnFrom({ span, prismatic }) {
+  const [low, high] = span;
+  if (prismatic) return span;
   const [from, to] = [Math.max(low, -Math.PI), Math.min(high, Math.PI)];
-  return from < to ? [from, to] : [low, high];
+  return from < to ? [from, to] : span;
 }
 
 const TURNS = 4, LISTED = 12, LOOK_AT_EACH = 200000; // LOOK_AT_EACH: terms of each family

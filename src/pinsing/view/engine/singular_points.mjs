@@ -6,7 +6,7 @@
 // sign that its vectors give it: of the closure over the output's rows, over the inputs, or alone.
 
 import { add, combined, dot, nullVector, scaled, subtract, svd, transpose } from "./linear.mjs";
-import { CLOSED, closure, gapOf, kindOf, motions, newton, output, worst, wrap } from "./mechanism.mjs";
+import { CLOSED, closure, gapOf, kindOf, motions, newton, output, unrolled, worst, wrap } from "./mechanism.mjs";
 
 export const STEP = 0.04; // largest step, radians or length scales
 const MOST = 4000, WORTH = 0.3, STEPS = 24, SAME = 1e-6, REACH = 0.6, DIFFERENCE = 1e-5;
@@ -33,9 +33,16 @@ export function trace(data, start, moving) {
   }) };
 }
 
-// The place of the point nearest to q.
-export const placeOn = (data, points, q) =>
-  points.reduce((best, p, i) => (gapOf(data, p.q, q) < gapOf(data, points[best].q, q) ? i : best), 0);
+// Points of a curve from the one nearest to q on, to both sides; all of a closed one, and two of them again.
+export function sides(data, { points, closed }, q) {
+  const gaps = points.map((p) => gapOf(data, p.q, q)), here = gaps.indexOf(Math.min(...gaps)), round = points.length - 1;
+  return [1, -1].map((step) => {
+    const way = closed ? Array.from({ length: round + 2 }, (_, k) => points[(here + step * k + 2 * round) % round])
+      : step > 0 ? points.slice(here) : points.slice(0, here + 1).reverse();
+    const rows = unrolled(data, way.map((p) => p.q));
+    return way.map((p, k) => ({ ...p, q: rows[k] }));
+  });
+}
 
 function curveOf(data, moving) {
   const index = data.actuated[moving], { prismatic, lower, upper } = data.joints[index];

@@ -2,11 +2,11 @@
 // that are given: within their limits, and one after the other as a file has them.
 
 import { generator } from "./families.mjs";
-import { endsOf, isOutside, outside, spanOf, turnedInto, valueText } from "./limits.mjs";
-import { add, scaled, subtract } from "./linear.mjs";
+import { endsOf, isOutside, outside, turnedInto, valueText } from "./limits.mjs";
+import { scaled, subtract } from "./linear.mjs";
 import { assemblySign, CLOSED, closure, everyJoint, gapOf, gaussNewton, modeOf, modeOrder, motions, passiveOf, randomClosed, worst, wrap } from "./mechanism.mjs";
 import { AT_TYPE_2, driven, heldPose, placeOf, poseGap, poseOf, stopWords } from "./pose_drive.mjs";
-import { placeOn, singularAlong, STEP, trace } from "./singular_points.mjs";
+import { sides, singularAlong, STEP, trace } from "./singular_points.mjs";
 
 const FULL = 2 * Math.PI, SAME = 1e-4, HERE = 1e-7, STARTS = 48;
 const DISTINCT = 1e-5; // at type 2 two modes are one, of which CLOSED leaves 3e-6
@@ -17,9 +17,9 @@ const DISTINCT = 1e-5; // at type 2 two modes are one, of which CLOSED leaves 3e
 export function stretch(data, q, k) {
   const index = data.actuated[k], { prismatic, lower: least, upper: most } = data.joints[index], curve = trace(data, q, k);
   if (!curve) return null;
-  const here = placeOn(data, curve.points, q), atEnd = motions(data, q).two <= AT_TYPE_2;
-  const [ahead, behind] = [1, -1].map((step) => side(curve, here, step, index, atEnd)), whole = curve.closed && !ahead.turns;
-  const seen = [...(whole ? [] : behind.points.slice(1).reverse()), ...ahead.points], mode = atEnd ? "0" : assemblySign(data, q);
+  const atEnd = motions(data, q).two <= AT_TYPE_2, [ahead, behind] = sides(data, curve, q).map((way) => toTurn(curve, way, index, atEnd));
+  const whole = curve.closed && !ahead.turns, mode = atEnd ? "0" : assemblySign(data, q);
+  const seen = [...(whole ? [] : behind.points.slice(1).reverse()), ...ahead.points];
   const part = [...(whole ? behind.points.slice(1, 2) : behind.more), ...seen, ...ahead.more];
   const value = seen.map((p) => p.q[index] + q[index] - ahead.points[0].q[index]), low = Math.min(...value), high = Math.max(...value);
   const centre = whole ? q[index] : (low + high) / 2;
@@ -37,22 +37,13 @@ export function stretch(data, q, k) {
   return { lower: snapped(lower, least), upper: snapped(upper, most), whole, points: marks };
 }
 
-// Points of a curve to one side of one of them, up to just beyond where the input turns back, whether it does,
-// and the point after it, if any. A closed curve goes on with its next round.
-function side({ points, closed }, here, step, index, atEnd) {
-  const round = points.length - 1, turn = subtract(points[round].q, points[0].q), out = [];
-  const at = (k) => {
-    const laps = closed ? Math.floor(k / round) : 0, point = points[k - laps * round];
-    return point ? [{ ...point, q: add(point.q, scaled(turn, laps)) }] : [];
-  };
+// Points of a way along a curve up to just beyond where the input turns back, whether it does, and the next
+// point, if any.
+function toTurn({ points }, way, index, atEnd) {
   // At a turning point itself the sign is that of the way ahead.
-  const first = atEnd ? 1 : 0;
-  let turns = false;
-  for (let n = 0; n <= round && !turns; n++) {
-    out.push(...at(here + step * n));
-    turns = n > first && n < out.length && Math.sign(out[n].t[index]) !== Math.sign(out[first].t[index]);
-  }
-  return { points: out, turns, more: at(here + step * out.length) };
+  const first = atEnd ? 1 : 0, end = way.findIndex(({ t }, n) => n > first && Math.sign(t[index]) !== Math.sign(way[first].t[index]));
+  const last = end < 0 ? points.length - 1 : end;
+  return { points: way.slice(0, last + 1), turns: end >= 0, more: way.slice(last + 1, last + 2) };
 }
 
 // A value of input k in words, degrees or millimetres.
@@ -111,7 +102,7 @@ const POSES = 40, MODES = 256, LOOSE = 1e-6;
 // coordinates led leave the pose open (a Delta's platform may be twisted), each pose has its own.
 export function workingByLegs(data, q) {
   const random = generator(947), goal = poseOf(data, placeOf(data, q)), poses = [];
-  const spans = data.joints.map((joint) => spanOf(joint, data.task.lengthScale));
+  const spans = data.joints.map((joint) => joint.span);
   const take = (x) => {
     const { R, t } = placeOf(data, x), mark = [...R.flat(), ...scaled(t, 1 / data.task.lengthScale)];
     let pose = poses.find((one) => worst(subtract(one.mark, mark)) <= SAME);
@@ -187,7 +178,7 @@ export function healthOf(data, q) {
 // poses around it, and poses anywhere within the limits; the best of them are climbed from. q is null
 // where none within the limits is regular.
 export function healthiestPose(data, given = [], tries = 160, steps = 60) {
-  const random = generator(23), spans = data.joints.map((joint, j) => spanOf(joint, data.metric[j]));
+  const random = generator(23), spans = data.joints.map((joint) => joint.span);
   const drawn = () => spans.map(([low, high]) => low + (high - low) * random());
   const around = (q, size) => q.map((v, j) => v + size * data.metric[j] * (2 * random() - 1));
   const found = [];
