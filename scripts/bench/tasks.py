@@ -116,10 +116,10 @@ Arms of six joints, and tasks that leave motions free: `vx,vy,vz,wz` (a tool tha
 turns about the vertical), `tool-axis` (drilling, welding, polishing: the turn about the tool's own
 axis is free; `--tool-axis x` for another axis), `position` and `orientation`. Each cell has the
 word, the number of families and the seconds of processor time of the closed form, its child
-process included. *probable*: the search ended and nothing is known to be missing; a certificate was
-not looked for here. *counted*: all minors took too long; families come from neighbouring axes and
-from singular points on slices over small fields, and that nothing is missing rests on a count of
-such points.
+process included, as `pinsing families` gives it. *proven*: a certificate was found and accepted.
+*probable*: the search ended and nothing is known to be missing. *counted*: all minors took too
+long; families come from neighbouring axes and from singular points on slices over small fields, and
+that nothing is missing rests on a count of such points.
 
 {said}
 
@@ -136,7 +136,7 @@ SECTION = """## Positions of arms with more joints
 
 The task is the position of the tip (`--task position`): singular where all axes meet one line
 through it, or are parallel to it. At most {seconds:g} s on the clock, load {load:.0f}; the seconds
-are of processor time, with a certificate looked for as far as a second or two of work leads.
+are of processor time, with a certificate looked for as far as a few seconds lead.
 
 | arm | joints | families | word | s |
 |---|---|---|---|---|

@@ -111,7 +111,7 @@ def prove_option(command: F) -> F:
         default=None,
         callback=lambda ctx, param, value: "auto" if value is None else value,
         help="Look for a certificate that no family is missing, for up to a minute (or --seconds), "
-        "or not at all.  [default: as far as a second or two of work leads]",
+        "or not at all.  [default: as far as a few seconds lead]",
     )(command)
 
 

@@ -451,7 +451,7 @@ def closed_form(
         As in ``nominal``: radians, metres.
     prove : bool, "auto" or None
         Whether to look for a certificate that nothing is missing. "auto" gives up after some
-        work, which takes a second or two and is the same on every machine: ``word`` is then what
+        work, which takes a few seconds and is the same on every machine: ``word`` is then what
         every command, page and report says of the arm; None means the same. True goes on until
         the time is over. False looks for none, for where ``word`` is not needed: it is at most
         "probable" then.
