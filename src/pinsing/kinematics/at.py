@@ -42,6 +42,7 @@ from pinsing.kinematics.lost_motion import (
     lost_motions,
     vector,
 )
+from pinsing.kinematics.refine import approach
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge, TipSpeeds, check_speeds
 from pinsing.measures import PRACTICAL, Array, ArrayLike
 from pinsing.prose import (
@@ -160,7 +161,8 @@ class State(JsonResult):
     always_idle : int
         Dimension of that space at almost every configuration: positive for redundant arms.
     dependences : tuple of AxisDependence
-        Which joint axes line up, and how.
+        Which joint axes line up, and how; of a near-singular configuration where the singular one
+        beside it is (by a walk on the nominal geometry), none if it is farther than 0.2 rad.
     notes : tuple of str
         What else one should know.
     tip_speeds : TipSpeeds or None
@@ -235,7 +237,7 @@ class State(JsonResult):
                 for joint, value, slides in values
             ),
             *((text("lost"), text(motion.words)) for motion in self.lost),
-            *((text("why"), text(dependence.reason)) for dependence in self.dependences),
+            *((text(_why(self)), text(axes.reason)) for axes in self.dependences),
             *((text("note"), text(note)) for note in self.notes),
         ]
         arm, tip = notebook.name(self.arm.name), notebook.name(self.arm.tip)
@@ -303,7 +305,7 @@ def _meaning(state: State) -> Iterator[Line]:
     if state.dependences:
         yield "", ""
         said = ((d.reason, f"({', '.join(d.joints)})") for d in state.dependences)
-        yield from _labelled("why", chain.from_iterable(said))
+        yield from _labelled(_why(state), chain.from_iterable(said))
     if state.self_motions:
         yield "", ""
         rest = "tip" if state.arm.task == "pose" else "task"
@@ -318,6 +320,10 @@ def _meaning(state: State) -> Iterator[Line]:
                 "",
                 f"(dimension {state.always_idle} at every configuration: the arm is redundant)",
             )
+
+
+def _why(state: State) -> str:
+    return "why" if state.singular else "near where"
 
 
 def _joints(state: State, degrees: bool) -> Iterator[Line]:
@@ -532,12 +538,26 @@ def loss_at(arm: Arm, q: Array, rtol: float = SINGULAR_RTOL, near_rtol: float = 
     }
     tool = replace(tool, landmarks={f"the {c}": p for c, p in centres.items() if p is not None})
     tol = max(PRACTICAL, min(3 * ratio, 0.05)) if hardly else PRACTICAL
+    if hardly:
+        dependences = _beside(arm, q)
+    else:
+        dependences = dependences_of(arm, J, q, axes, max(DEPENDENCE_RTOL, rtol))
     return replace(
         found,
         tool=tool,
         lost=lost_motions(missing, J, scale.length, arm.length_scale, tool, tol, hardly),
         always_missing=len(arm.task.rows) - generic_rank(arm) - never.shape[1],
-        dependences=dependences_of(arm, J, q, axes, zero if hardly else max(DEPENDENCE_RTOL, rtol)),
+        dependences=dependences,
+    )
+
+
+def _beside(arm: Arm, q: Array) -> tuple[AxisDependence, ...]:
+    """Return which axes are dependent at the singular configuration that q (n,) is near, if any."""
+    exact = nominal(arm.design or arm).arm
+    end = approach(exact, q)
+    far = np.linalg.norm((end.q[0] - q) / own_scale(exact).columns)
+    return (
+        loss_at(exact, end.q[0]).dependences if end.ratio[0] <= SINGULAR_RTOL and far < 0.2 else ()
     )
 
 

@@ -497,7 +497,6 @@ class _Reasons:
         # Geometry is looked for at a tolerance that fits how singular the arm is: radians, and a
         # share of the arm's size.
         self.tol = float(np.clip(30 * rtol, STRUCTURE_TOL, 0.05))
-        self.nearly = "" if rtol <= DEPENDENCE_RTOL else "nearly "
 
     def reason(self, ids: tuple[int, ...]) -> str:
         """Why these axes are dependent; of a redundant arm, also why the others do not help."""
@@ -538,7 +537,7 @@ class _Reasons:
         if self.task != "pose" and not self._as_twists(ids):
             return ""
         which = "all axes" if len(ids) == self.arm.n else f"axes {numbers(ids)}"
-        return f"links {self.nearly}in line: {which} are parallel and lie in one plane"
+        return f"links in line: {which} are parallel and lie in one plane"
 
     def _one(self, ids: tuple[int, ...]) -> str:
         """Why these axes, the smallest set, are dependent in the rows of the task."""
@@ -550,18 +549,18 @@ class _Reasons:
             every = len(ids) == self.arm.n > 2 and not axes.prismatic.any()
             straight = every and axes.parallel(ids, self.tol)
             if straight and axes.velocity_rank(ids, axes.tip, self.tol) == 1:
-                return f"all links {self.nearly}in line: {words}"
+                return f"all links in line: {words}"
             return words
         if self.task == "orientation":
             turning = [i for i in ids if not axes.prismatic[i]]
             plane = "" if axes.parallel(turning, self.tol) else " to one plane"
-            return f"axes {numbers(turning)} are {self.nearly}parallel{plane}"
+            return f"axes {numbers(turning)} are parallel{plane}"
         if self.task == "pose" or self._as_twists(ids):
             return self._of_twists(ids)
         if len(task.rows) == 5 and task.tool_axis is not None:
             turn = f"a turn about the tool's own {TOOL_AXES[task.tool_axis]} axis"
             if len(ids) == 1:
-                return f"all that joint {ids[0] + 1} moves is {self.nearly}{turn}"
+                return f"all that joint {ids[0] + 1} moves is {turn}"
             return f"{self._together(ids)}, but for {turn}"
         if len(ids) == 1:
             return self._idle(ids)
@@ -569,13 +568,13 @@ class _Reasons:
 
     def _together(self, ids: Sequence[int], who: str = "the tip", how: str = "at rest") -> str:
         """Say no more than what it means that columns are linearly dependent."""
-        return f"{joints_of(ids)} can move together with {who} {self.nearly}{how}"
+        return f"{joints_of(ids)} can move together with {who} {how}"
 
     def _idle(self, ids: Sequence[int]) -> str:
         """Return what is said of joints that move none of the rows of a task."""
         move = "moves" if len(ids) == 1 else "move"
         rows = ", ".join(self.arm.task.row_names)
-        return f"{joints_of(ids)} {move} {self.nearly}none of the rows {rows}"
+        return f"{joints_of(ids)} {move} none of the rows {rows}"
 
     def _as_twists(self, ids: tuple[int, ...]) -> bool:
         """Return True if the whole twists are dependent, and not the chosen rows alone."""
@@ -586,24 +585,24 @@ class _Reasons:
 
     def _of_twists(self, ids: tuple[int, ...]) -> str:
         """Why axes ``ids``, the smallest set of dependent twists, are dependent."""
-        axes, tol, nearly = self.axes, self.tol, self.nearly
+        axes, tol = self.axes, self.tol
         turning = [i for i in ids if not axes.prismatic[i]]
         sliding = [i for i in ids if axes.prismatic[i]]
         if len(ids) == 1:  # beside a slide of kilometres
             return self._together(ids)
         if not turning:
             words = "parallel" if axes.parallel(ids, tol) else "parallel to one plane"
-            return f"prismatic joints {numbers(ids)} are {nearly}{words}"
+            return f"prismatic joints {numbers(ids)} are {words}"
         several, parallel = f"axes {numbers(ids)}", axes.parallel(turning, tol)
         flat = not sliding and axes.in_one_plane(ids, tol)
         if parallel and not sliding:
             if axes.pass_through(ids[1:], axes.point[ids[0]], tol):
-                return f"{several} are {nearly}collinear"
-            plane = f" and lie {nearly}in one plane" if flat else ""
-            return f"{several} are {'' if flat else nearly}parallel{plane}"
+                return f"{several} are collinear"
+            plane = " and lie in one plane" if flat else ""
+            return f"{several} are parallel{plane}"
         z = axes.direction[turning[0]]
         if parallel and len(turning) > 1 and (np.abs(axes.direction[sliding] @ z) <= tol).all():
-            across = f"{_are('prismatic joint', sliding)} {nearly}perpendicular to"
+            across = f"{_are('prismatic joint', sliding)} perpendicular to"
             if (len(turning), len(sliding)) != (2, 1):
                 return f"{_are('axis', turning)} parallel and {across} them"
             apart = axes.point[turning[1]] - axes.point[turning[0]]
@@ -618,34 +617,34 @@ class _Reasons:
                 return self._moves(rest, point, centre.named())
         if not sliding and axes.meeting_point(ids, tol) is not None:
             if flat and len(ids) == 3:
-                return f"{several} meet in one point and lie {nearly}in one plane"
-            return f"{several} {nearly}meet in one point"
+                return f"{several} meet in one point and lie in one plane"
+            return f"{several} meet in one point"
         if flat and len(ids) > 3:
-            return f"{several} lie {nearly}in one plane"
+            return f"{several} lie in one plane"
         return self._reciprocal(ids) or self._together(ids)
 
     def _moves(self, ids: tuple[int, ...], point: Array, name: str) -> str:
         """Say why joints move a point in fewer directions than their number would allow."""
-        axes, tol, nearly = self.axes, self.tol, self.nearly
+        axes, tol = self.axes, self.tol
         turning = not axes.prismatic[list(ids)].any()
         rank = axes.velocity_rank(ids, point, tol)
         if len(ids) == 1 and rank == 0:
-            return f"{name} lies {nearly}on axis {numbers(ids)}"
+            return f"{name} lies on axis {numbers(ids)}"
         if len(ids) == 2 and turning and axes.in_one_plane(ids, tol, point):
             kind = "the parallel axes" if axes.parallel(ids, tol) else "axes"
-            return f"{name} lies {nearly}in the plane of {kind} {numbers(ids)}"
+            return f"{name} lies in the plane of {kind} {numbers(ids)}"
         for pair in combinations(ids, 2) if len(ids) == 3 and turning else ():
             (other,) = set(ids) - set(pair)
             if axes.parallel(pair, tol) and not axes.parallel((other, pair[0]), tol):
                 normal = cross(axes.direction[other], axes.direction[pair[0]])
                 if abs((point - axes.point[other]) @ normal) <= tol * axes.size * length(normal):
                     plane = f"the plane through axis {other + 1} parallel to axes {numbers(pair)}"
-                    return f"{name} lies {nearly}in {plane}"
+                    return f"{name} lies in {plane}"
         if rank == 0:
-            return f"{joints_of(ids)} do {nearly}not move {name}"
+            return f"{joints_of(ids)} do not move {name}"
         if rank == 1:
-            return f"{joints_of(ids)} {nearly}move {name} along the same line"
-        return f"{joints_of(ids)} move {name} {nearly}within one plane only"
+            return f"{joints_of(ids)} move {name} along the same line"
+        return f"{joints_of(ids)} move {name} within one plane only"
 
     def _reciprocal(self, ids: tuple[int, ...]) -> str:
         """Which line meets all of these axes or is parallel to them, or their complex, if any.
@@ -656,7 +655,7 @@ class _Reasons:
         that it does no work on are those of a linear complex of that pitch (K. H. Hunt, "Kinematic
         Geometry of Mechanisms", 1978).
         """
-        axes, tol, nearly = self.axes, self.tol, self.nearly
+        axes, tol = self.axes, self.tol
         # The force, and the moment about the tip in units of size.
         _, sigma, Vt = np.linalg.svd(axes.twists(ids, axes.tip))
         if (sigma > tol * sigma[0]).sum() != 5:
@@ -666,7 +665,7 @@ class _Reasons:
         turning = [i for i in ids if not axes.prismatic[i]]
         sliding = [i for i in ids if axes.prismatic[i]]
         if strength <= tol:
-            return f"axes {numbers(turning)} are {nearly}parallel to one plane"
+            return f"axes {numbers(turning)} are parallel to one plane"
         pitch = float(force @ moment) / strength**2
         point = axes.tip + cross(force, moment) / strength**2 * axes.size
         met, along = [], []
@@ -677,17 +676,17 @@ class _Reasons:
                 along.append(i)
             elif abs((axes.point[i] - point) @ normal) <= 10 * tol * axes.size * sine:
                 met.append(i)
-        across = f"{_are('prismatic joint', sliding)} {nearly}perpendicular to"
+        across = f"{_are('prismatic joint', sliding)} perpendicular to"
         if abs(pitch) <= tol and met and len(met) + len(along) == len(turning):
-            meet = _are("axis", met, f"{nearly}meets", f"{nearly}meet")
-            words = f"{f'all axes {nearly}meet' if len(met) == self.arm.n else meet} a common line"
-            others = [f"{_are('axis', along)} {nearly}parallel to it"] * bool(along)
+            meet = _are("axis", met, "meets", "meet")
+            words = f"{'all axes meet' if len(met) == self.arm.n else meet} a common line"
+            others = [f"{_are('axis', along)} parallel to it"] * bool(along)
             others += [f"{across} it"] * bool(sliding)
             return ", and ".join([", ".join([words, *others[:-1]]), *others[-1:]])
         count = {6: "six ", 5: "five ", 7: "seven "}.get(len(turning), "")
         every = len(turning) == self.arm.n
         who = f"all {count}axes" if every else f"axes {numbers(turning)}"
-        words = f"{who} {nearly}belong to one linear complex, here of pitch"
+        words = f"{who} belong to one linear complex, here of pitch"
         words += f" {pitch * axes.size:.3g} m/rad"
         return f"{words}, and {across} its axis" if sliding else words
 

@@ -252,7 +252,7 @@ class Panel {
     this.keys();
     this.verdict(frame);
     this.readings(frame);
-    $("why").textContent = frame.why.length ? `because ${frame.why.join("; ")}` : "";
+    $("why").textContent = frame.why.length ? `${frame.status === "singular" ? "because" : "near where"} ${frame.why.join("; ")}` : "";
     $("remarks").textContent = frame.notes.join("; ");
     const beyond = this.listed.filter((joint) => frame.outside.includes(joint.name));
     $("outside").hidden = !beyond.length;

@@ -14,6 +14,7 @@ const ON = 1e-7; // radians: closer is on the family
 const ALIKE = 2e-6; // radians: bounds no farther apart are one distance
 const KNOWN = 50, AT_ONCE = 20000; // AT_ONCE: terms of equations that a frame looks at for its distance
 const STRUCTURE = 2e-5; // radians, and share of the arm's length: geometry that is so at every configuration
+const BESIDE = 0.2; // radians: a singular configuration farther away does not explain one that is near-singular
 const FLAT = 1e-5; // share of the largest semi-axis at which one counts as flat
 
 // Numbers, placements, ellipsoids and words at q (n).
@@ -24,10 +25,13 @@ export function frameAt(data, q, families = data.families) {
   const largest = Math.max(own.sigma[0], judge.size);
   const rankAt = (tol) => own.sigma.filter((s) => s > tol * largest).length;
   const rank = rankAt(zero), here = nearestFamily(data, q, families);
-  const on = here?.on ? families.find((f) => f.entry === here.entry) : null;
+  // Where axes depend on each other: here, or at the point of a family that this is beside.
+  const near = status === "near-singular" && here?.q && here.value < BESIDE;
+  const there = near ? measure({ ...data, chain: data.nominal ?? data.chain }, here.q) : { J, own, status };
+  const family = here?.on || near ? families.find((f) => f.entry === here.entry) : null;
   const { lost, always, mixed } = missingAt(data, q, { J, own, rank, tip, status, ratio });
-  const dependent = status === "regular" ? []
-    : causes(own.Js, task.used, task.rank, (status === "near-singular" ? zero : Math.max(1e-8, judge.rtol)) * largest);
+  const dependent = there.status === "singular"
+    ? causes(there.own.Js, task.used, task.rank, Math.max(1e-8, judge.rtol) * Math.max(there.own.sigma[0], judge.size)) : [];
   return {
     q: q.slice(),
     links: places.map(({ R, t }) => [...t, ...quaternion(R)]),
@@ -42,7 +46,7 @@ export function frameAt(data, q, families = data.families) {
     })),
     always: always.map((m) => m.words), mixed,
     hot: [...new Set(dependent.flat())].sort((a, b) => a - b),
-    why: reasons(dependent, data.design ? null : on, J, task, Math.min(0.05, Math.max(STRUCTURE, 30 * zero)), status === "near-singular" ? "nearly " : ""),
+    why: reasons(dependent, data.design ? null : family, there.J, task, Math.min(0.05, Math.max(STRUCTURE, 30 * judge.rtol))),
     status, rank: rankAt(judge.rtol), genericRank: task.rank, sigma, ratio,
     condition: sigma[task.rank - 1] > Math.max(6, q.length) * Number.EPSILON * sigma[0] ? sigma[0] / sigma[task.rank - 1] : Infinity,
     manipulability: sigma.slice(0, task.rank).reduce((a, b) => a * b, 1),

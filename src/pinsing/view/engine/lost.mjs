@@ -210,15 +210,15 @@ const COMPLEX = "linear complex";
 
 // One sentence for each dependent set of joints (from 0). `family` is that which the configuration
 // is on, or null; `tol` is in radians, and a share of the arm's length.
-export function reasons(dependent, family, J, task, tol, nearly = "") {
+export function reasons(dependent, family, J, task, tol) {
   const told = family?.reason && dependent.length === 1 ? family.reason : "";
   if (told && !told.includes(COMPLEX)) return [told];
   return dependent.map((ids) => ids.length === 1 ? `joint ${ids[0] + 1} does not move the task`
-    : (task.rows.length === 6 && commonWrench(J, ids, tol, nearly))
-      || `joints ${list(ids)} can move together with the ${task.rows.length === 6 ? "tip" : "task"} ${nearly}at rest`);
+    : (task.rows.length === 6 && commonWrench(J, ids, tol))
+      || `joints ${list(ids)} can move together with the ${task.rows.length === 6 ? "tip" : "task"} at rest`);
 }
 
-function commonWrench(J, ids, tol, nearly) {
+function commonWrench(J, ids, tol) {
   const columns = transpose(J), axis = (i) => columns[i].slice(3), speed = (i) => columns[i].slice(0, 3);
   const turns = (i) => norm(axis(i)) > 0;
   // A joint that drives others as well has no axis of its own.
@@ -229,28 +229,28 @@ function commonWrench(J, ids, tol, nearly) {
   if (sigma.length < 6 || sigma.filter((s) => s > tol * sigma[0]).length !== 5) return "";
   const force = left[5].slice(0, 3), moment = left[5].slice(3), strength = norm(force);
   const turning = ids.filter(turns), sliding = ids.filter((i) => !turns(i));
-  if (strength <= tol) return `axes ${list(turning)} are ${nearly}parallel to one plane`;
+  if (strength <= tol) return `axes ${list(turning)} are parallel to one plane`;
   const pitch = dot(force, moment) / strength ** 2;
   if (Math.abs(pitch) <= tol) {
     const along = turning.filter((i) => norm(cross(axis(i), force)) <= tol * strength);
-    return commonLine(columns.length, turning.filter((i) => !along.includes(i)), along, sliding, nearly);
+    return commonLine(columns.length, turning.filter((i) => !along.includes(i)), along, sliding);
   }
   const who = turning.length === columns.length ? `all ${COUNTS[turning.length] ?? ""}axes` : `axes ${list(turning)}`;
-  return `${who} ${nearly}belong to one ${COMPLEX}, here of pitch ${general(pitch * size, 3)} m/rad${across(sliding, nearly, "its axis")}`;
+  return `${who} belong to one ${COMPLEX}, here of pitch ${general(pitch * size, 3)} m/rad${across(sliding, "its axis")}`;
 }
 
-function commonLine(count, met, along, sliding, nearly) {
+function commonLine(count, met, along, sliding) {
   if (!met.length) return "";
   const verb = met.length === 1 ? "meets" : "meet";
-  const words = [`${met.length === count ? "all axes" : counted("axis", "axes", met)} ${nearly}${verb} a common line`];
-  if (along.length) words.push(`${counted("axis", "axes", along)} ${are(along)} ${nearly}parallel to it`);
-  if (sliding.length) words.push(`${counted("prismatic joint", "prismatic joints", sliding)} ${are(sliding)} ${nearly}perpendicular to it`);
+  const words = [`${met.length === count ? "all axes" : counted("axis", "axes", met)} ${verb} a common line`];
+  if (along.length) words.push(`${counted("axis", "axes", along)} ${are(along)} parallel to it`);
+  if (sliding.length) words.push(`${counted("prismatic joint", "prismatic joints", sliding)} ${are(sliding)} perpendicular to it`);
   const last = words.pop();
   return words.length ? `${words.join(", ")}, and ${last}` : last;
 }
 
-const across = (sliding, nearly, what) => sliding.length
-  ? `, and ${counted("prismatic joint", "prismatic joints", sliding)} ${are(sliding)} ${nearly}perpendicular to ${what}` : "";
+const across = (sliding, what) => sliding.length
+  ? `, and ${counted("prismatic joint", "prismatic joints", sliding)} ${are(sliding)} perpendicular to ${what}` : "";
 const are = (ids) => (ids.length === 1 ? "is" : "are");
 const counted = (one, many, ids) => `${ids.length === 1 ? one : many} ${list(ids)}`;
 
