@@ -289,37 +289,30 @@ def _labelled(label: str, lines: Iterable[Span]) -> Iterator[Line]:
 
 def _meaning(state: State) -> Iterator[Line]:
     """Return what cannot be done, why, and what moves although the tip rests."""
-    if state.lost:
-        yield "", ""
-        torque = "no" if state.singular else "almost no"
-        words = (f"{m.words}; {m.free_wrench} needs {torque} joint torque" for m in state.lost)
-        yield from _labelled("lost" if state.singular else "nearly lost", map(measured, words))
-        if state.always_missing:
-            are = "is" if state.always_missing == 1 else "are"
-            yield (
-                "",
-                f"({state.always_missing} of these {len(state.lost)} {are} missing at every "
-                f"configuration: the arm reaches rank {state.generic_rank} in a task of "
-                f"{_rows(state)} rows)",
-            )
-    if state.dependences:
-        yield "", ""
-        said = ((d.reason, f"({', '.join(d.joints)})") for d in state.dependences)
-        yield from _labelled(_why(state), chain.from_iterable(said))
-    if state.self_motions:
-        yield "", ""
-        rest = "tip" if state.arm.task == "pose" else "task"
-        at_rest = f"the {rest} {'nearly ' if state.status == NEAR_SINGULAR else ''}at rest"
-        words = (
-            f"{m.words} {'leaves' if np.count_nonzero(m.direction) == 1 else 'leave'} {at_rest}"
-            for m in state.self_motions
-        )
-        yield from _labelled("self-motion", map(measured, words))
-        if state.always_idle:
-            yield (
-                "",
-                f"(dimension {state.always_idle} at every configuration: the arm is redundant)",
-            )
+    torque = "no" if state.singular else "almost no"
+    lost = (f"{m.words}; {m.free_wrench} needs {torque} joint torque" for m in state.lost)
+    are = "is" if state.always_missing == 1 else "are"
+    missing = (
+        f"({state.always_missing} of these {len(state.lost)} {are} missing at every "
+        f"configuration: the arm reaches rank {state.generic_rank} in a task of "
+        f"{_rows(state)} rows)"
+    )
+    why = ((d.reason, f"({', '.join(d.joints)})") for d in state.dependences)
+    nearly = "nearly " if state.status == NEAR_SINGULAR else ""
+    at_rest = f"the {'tip' if state.arm.task == 'pose' else 'task'} {nearly}at rest"
+    still = (
+        f"{m.words} {'leaves' if np.count_nonzero(m.direction) == 1 else 'leave'} {at_rest}"
+        for m in state.self_motions
+    )
+    idle = f"(dimension {state.always_idle} at every configuration: the arm is redundant)"
+    for label, lines, more in (
+        (f"{nearly}lost", [*map(measured, lost)], [missing] * bool(state.always_missing)),
+        (_why(state), [*chain.from_iterable(why)], []),
+        ("self-motion", [*map(measured, still)], [idle] * bool(state.always_idle)),
+    ):
+        if lines:
+            yield "", ""
+            yield from _labelled(label, [*lines, *more])
 
 
 def _why(state: State) -> str:
@@ -339,17 +332,15 @@ def _joints(state: State, degrees: bool) -> Iterator[Line]:
         yield "" if i else "q", f"{left} {unbroken(f'{value:>11.6g} {unit}')}{outside}"
 
 
-def _verdict(state: State) -> tuple[Span, ...]:
-    r = state.generic_rank
+def _verdict(state: State) -> tuple[Span, str]:
+    rank, r = state.rank, state.generic_rank
     ratio = unbroken(f"sigma_{r}/sigma_1 = {state.sigma_ratio:.2g}")
-    if state.status == "singular":
-        said = verdict(state.status, "SINGULAR")
-        return said, f": rank {state.rank} instead of {r} ({ratio} <= {state.rtol:g})"
-    if state.status == "near-singular":
-        more = f"(singular from {state.rtol:g}); rank {state.rank}"
-        return verdict(state.status), f": {ratio} <= {state.near_rtol:g} {more}"
-    more = f"(near-singular from {state.near_rtol:g})"
-    return verdict(state.status), f": rank {state.rank}, {ratio} {more}"
+    near = f"{ratio} <= {state.near_rtol:g} (singular from {state.rtol:g})"
+    more = {
+        SINGULAR: f"rank {rank} instead of {r} ({ratio} <= {state.rtol:g})",
+        NEAR_SINGULAR: f"{near}; rank {rank}",
+    }.get(state.status, f"rank {rank}, {ratio} (near-singular from {state.near_rtol:g})")
+    return verdict(state.status, "SINGULAR" if state.singular else ""), f": {more}"
 
 
 def _rows(state: State) -> int:
@@ -368,8 +359,8 @@ def _ellipsoid(what: str, ellipsoid: VelocityEllipsoid, rotation: Array) -> Iter
 def _allowed(state: State, speeds: TipSpeeds) -> Iterator[Line]:
     """Return what the joint speed limits allow in every direction, and what limits it."""
     rows = parse_task(state.arm.task).rows
-    both = min(rows) < 3 <= max(rows)
-    label = "allowed speed"
+    both = "held" if min(rows) < 3 <= max(rows) else "free"
+    lines: list[Span] = []
     for speed, unit, joints, direction, verb, held in (
         (speeds.linear, "m/s", speeds.linear_joints, speeds.linear_direction, "along",
          "orientation"),
@@ -378,22 +369,17 @@ def _allowed(state: State, speeds: TipSpeeds) -> Iterator[Line]:
     ):  # fmt: skip
         if math.isfinite(speed):
             number = unbroken(f"{_short(speed):>9} {unit}")
-            where = f"{listed(joints)}, {verb} {vector(direction, 3)}"
-            state_held = f", {held} {'held' if both else 'free'}"
-            yield label, measured(f"{number} in every direction{state_held} (limit: {where})")
-            label = ""
+            limit = f"(limit: {listed(joints)}, {verb} {vector(direction, 3)})"
+            lines.append(measured(f"{number} in every direction, {held} {both} {limit}"))
+    share = "some direction is lost"
     if math.isfinite(speeds.share):
         percent = f"{100 * speeds.share:{',.0f' if speeds.share > 9.99 else '.3g'}} %"
         share = f"at most {percent} of the limit of {listed(speeds.share_joints)}"
-    else:
-        share = "some direction is lost"
-    yield (
-        label,
-        f"{speeds.tip_speed:g} m/s and {speeds.turn_speed:g} rad/s at once, in any directions: "
-        f"{share}",
-    )
+    at_once = f"{speeds.tip_speed:g} m/s and {speeds.turn_speed:g} rad/s at once"
+    lines.append(f"{at_once}, in any directions: {share}")
     if speeds.unlimited:
-        yield "", f"({listed(speeds.unlimited)}: no speed limit known, not counted)"
+        lines.append(f"({listed(speeds.unlimited)}: no speed limit known, not counted)")
+    yield from _labelled("allowed speed", lines)
 
 
 def _short(value: float) -> str:
@@ -574,19 +560,18 @@ def _self_motions(V: Array, arm: Arm) -> tuple[SelfMotion, ...]:
     d = V.shape[1]
     pivots: list[int] = []
     for k in range(d):
-        free = [i for i in range(len(V)) if i not in pivots]
-        pivot = max(free, key=lambda i: float(np.abs(V[i, k:]).max().round(9)))
+        sizes = np.abs(V[:, k:]).max(axis=1).round(9)
+        sizes[pivots] = -1.0
+        pivot = int(sizes.argmax())
         column = k + int(np.argmax(np.abs(V[pivot, k:])))
         V[:, [k, column]] = V[:, [column, k]]
         V[:, k] /= V[pivot, k]
-        others = [c for c in range(d) if c != k]
-        V[:, others] -= np.outer(V[:, k], V[pivot, others])
+        V -= np.outer(V[:, k], np.where(np.arange(d) == k, 0.0, V[pivot]))
         pivots.append(pivot)
     V /= np.abs(V).max(axis=0, initial=1e-300)
     V[np.abs(V) < 1e-9] = 0.0
-    order = sorted(range(d), key=lambda c: int(np.flatnonzero(V[:, c])[0]))
     found = []
-    for v in V[:, order].T:
+    for v in sorted(V.T, key=lambda v: int(np.flatnonzero(v)[0])):
         moving = np.flatnonzero(np.abs(v) > 1e-6)
         v = v * np.sign(v[moving[0]]) + 0.0
         parts = [
