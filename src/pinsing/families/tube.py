@@ -173,25 +173,19 @@ def find_tube(robot: Arm, design: Arm, families: Sequence[Family]) -> Tube:
     assumed, F = differences(robot, design), len(families)
     reason, persists, limited = "", [False] * F, False
     width, found, near, count = np.full(F + 1, np.inf), np.zeros(F + 1), NEAR, 0
-
-    def why() -> str:
-        if np.isfinite(width).all():
-            return ""
-        far = f"one was found {_degrees(found[-1])} from all of them, too far for a narrow width"
-        return f"{count} boxes of joint values did not suffice" if count else far
-
     try:
         of = factorize(robot, design, families)
         ranges = _limits(robot, of)
         has_limits = bool((ranges != of.ranges).any())
-        width, found, near, count = find_widths(of, families, narrow=has_limits)
-        reason = why()
-        limited = bool(reason) and has_limits
-        if limited:
-            of = replace(of, ranges=ranges)
-            width, found, near, count = find_widths(of, families)
-            again = why()
-            reason += f"; within the joint limits {again}" * bool(again)
+        for limited in (False, True) if has_limits else (False,):
+            of = replace(of, ranges=ranges) if limited else of
+            width, found, near, count = find_widths(of, families, has_limits and not limited)
+            if np.isfinite(width).all():
+                break
+            far = f"one was found {_degrees(found[-1])} from all of them"
+            few = f"{count} boxes of joint values did not suffice"
+            reason += "; within the joint limits " * limited
+            reason += few if count else f"{far}, too far for a narrow width"
         if of.arm is None:
             even = {f.family for f in of.factors if f.power % 2 == 0}
             both = _two_sides(of, width, near)

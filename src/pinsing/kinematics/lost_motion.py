@@ -260,10 +260,11 @@ def lost_motions(
         # Of d and -d, the one whose largest component is positive.
         direction = direction * np.sign(direction[np.argmax(np.abs(direction).round(9))])
         verb, noun, way, _ = _SAID[kind]
-        where = axis_name(direction, tool.rotation)
         if kind in ("line", "screw"):
-            where = _line_words(direction, point, tool, tol)
-        where = f"{way.format(pitch)} {where}"
+            axis = _line_words(direction, point, tool, tol)
+        else:
+            axis = axis_name(direction, tool.rotation)
+        where = f"{way.format(pitch)} {axis}"
         speed = float(np.linalg.norm(J.T @ wrench))
         words = f"cannot {verb} {where}"
         if hardly:
