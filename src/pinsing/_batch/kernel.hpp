@@ -21,7 +21,26 @@ constexpr int kTubeTerms = 320;     // of the sums of a tube, each in four joint
 constexpr int kTubeSums = 64;
 constexpr int kTubeJoints = 5;
 constexpr int kTubeTerm = 2 + kTubeJoints;  // an amplitude, a phase, rates
-constexpr int kTubeColumns = 88;
+constexpr int kTubeOdd = 16, kTubeSteep = 40, kTubeFourth = 48, kTubeColumns = 88;
+
+// Columns of a sum's table: its derivatives by up to four of its joints, 4 is none. Those of even order,
+// which are of cosines, those of odd order, of sines, sizes of slopes (4,), those of fourth order.
+struct TubeColumn {
+    int of[5][5][5][5]{};
+    constexpr TubeColumn() {
+        int next[] = {0, kTubeOdd, 1, kTubeOdd + 4, kTubeFourth};
+        for (int j = 0; j < 5; j++)
+            for (int k = 0; k < 5; k++)
+                for (int l = 0; l < 5; l++)
+                    for (int m = 0; m < 5; m++)
+                        of[j][k][l][m] = k < j   ? of[k][j][l][m]
+                                         : l < k ? of[j][l][k][m]
+                                         : m < l ? of[j][k][m][l]
+                                                 : next[order(j, k, l, m)]++;
+    }
+    static constexpr int order(int j, int k, int l, int m) { return (j < 4) + (k < 4) + (l < 4) + (m < 4); }
+};
+constexpr TubeColumn kTubeColumn;
 
 // T(q) = C_0 M_0(q_0) C_1 ... M_{n-1}(q_{n-1}) C_n with C_i = [R_i t_i; 0 1], M_i = Rz or Tz.
 struct Chain {

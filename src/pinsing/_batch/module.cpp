@@ -195,29 +195,22 @@ nb::object tubes(const In& terms, const std::vector<int>& start, const In& about
         require(s.family < families, "no such family");
         for (int t = 0; t < s.terms; t++) {
             const double *term = from + pinsing::kTubeTerm * t, *r = term + 2, A = term[0];
-            double sum = 0.0, second[10], third[20], fourth[35], *two = second, *three = third,
-                   *four = fourth;
+            double sum = 0.0, row[pinsing::kTubeColumns] = {};
             require(A >= 0.0, "amplitudes must not be negative");
             for (int j = 0; j < 4; j++) {
                 s.uses[j] = s.uses[j] || r[j] != 0.0;
                 sum += std::fabs(r[j]);
-                for (int k = 0; k <= j; k++) {
-                    *two++ = -A * r[j] * r[k];
-                    for (int l = 0; l <= k; l++) {
-                        *three++ = A * r[j] * r[k] * r[l];
-                        for (int m = 0; m <= l; m++) *four++ = A * r[j] * r[k] * r[l] * r[m];
-                    }
-                }
+                row[pinsing::kTubeSteep + j] = A * std::fabs(r[j]);
             }
-            table.push_back(A);
-            table.insert(table.end(), second, two);
-            table.insert(table.end(), 5, 0.0);
-            for (int j = 0; j < 4; j++) table.push_back(-A * r[j]);
-            table.insert(table.end(), third, three);
-            for (int j = 0; j < 4; j++) table.push_back(A * std::fabs(r[j]));
-            table.insert(table.end(), 4, 0.0);
-            table.insert(table.end(), fourth, four);
-            table.insert(table.end(), 5, 0.0);
+            const auto by = [&](int j) { return j < 4 ? r[j] : 1.0; };
+            constexpr double signs[] = {1.0, -1.0, -1.0, 1.0, 1.0};
+            for (int j = 0; j < 5; j++)
+                for (int k = j; k < 5; k++)
+                    for (int l = k; l < 5; l++)
+                        for (int m = l; m < 5; m++)
+                            row[pinsing::kTubeColumn.of[j][k][l][m]] =
+                                signs[pinsing::TubeColumn::order(j, k, l, m)] * A * by(m) * by(l) * by(k) * by(j);
+            table.insert(table.end(), std::begin(row), std::end(row));
             s.size += A;
             s.reach = std::max(s.reach, 1.0 + sum);
         }

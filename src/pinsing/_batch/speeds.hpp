@@ -34,6 +34,10 @@ PINSING_INLINE void product(const One* A, const One* B, int a, int b, int c, One
     add_product<1>(A, B, a, b, c, C);
 }
 
+PINSING_INLINE void add_sizes(const One* x, int count, One times, One* out) {
+    for (int i = 0; i < count; i++) out[i] += vabs(x[i]) * times;
+}
+
 // a x b, added to out; the parts of each are `stride` apart.
 PINSING_INLINE void add_cross(const One* a, int sa, const One* b, int sb, One* out, int so) {
     out[0] += a[sa] * b[2 * sb] - a[2 * sa] * b[sb];
@@ -42,17 +46,16 @@ PINSING_INLINE void add_cross(const One* a, int sa, const One* b, int sb, One* o
 }
 
 struct BoxOfSpeeds {
+    using Row = One[kSpeedColumns];
+    using Wide = One[6 * kSpeedColumns];
+    using Square = One[kSpeedColumns * kSpeedColumns];
     const SpeedTask& task;
     int k, m;  // columns and rows of the Jacobian
-    One J[6 * kSpeedColumns], r[kSpeedColumns];
-    One M[6 * kSpeedColumns], A[6 * kSpeedColumns];
-    One S[kSpeedColumns][6 * kSpeedColumns];  // slopes by the active joints
-    One G[kSpeedColumns][kSpeedColumns * kSpeedColumns], B[kSpeedColumns][6 * kSpeedColumns];
-    One size[6 * kSpeedColumns];
-    One E1[kSpeedColumns * kSpeedColumns], E2[kSpeedColumns * kSpeedColumns];
-    One E3[kSpeedColumns * kSpeedColumns], Q[kSpeedColumns * kSpeedColumns], moved[3];
-    One F[kSpeedColumns], center[kSpeedColumns], along[kSpeedColumns][kSpeedColumns];
-    One pull[kSpeedColumns];
+    Wide J, M, A, size, S[kSpeedColumns];  // S, G, B: slopes by the active joints
+    Square G[kSpeedColumns], E1, E2, E3, Q;
+    Wide B[kSpeedColumns];
+    Row r, F, center, along[kSpeedColumns], pull;
+    One moved[3];
     int active[kSpeedColumns], joints;
 
     explicit BoxOfSpeeds(const SpeedTask& t) : task(t), k(t.k), m(t.m), joints(0) {}
@@ -130,7 +133,9 @@ struct BoxOfSpeeds {
     void take_inverse() {
         double fastest = 0.0;
         for (int j = 0; j < task.n; j++) fastest = task.limits[j] > fastest ? task.limits[j] : fastest;
-        One ease[kSpeedColumns], eased[6 * kSpeedColumns], N[36], X[6 * kSpeedColumns], z[kSpeedColumns];
+        Row ease, z;
+        Wide eased, X;
+        One N[36];
         for (int j = 0; j < k; j++) {
             const double speed = j < task.n ? task.limits[j] : kFreeTurn * fastest;
             ease[j] = spread(speed * speed);
@@ -173,14 +178,16 @@ struct BoxOfSpeeds {
     // take of a joint's limit and of another's together is least where both take as much: w is of the
     // two that take most, and goes some steps to where the one that takes most of all is at rest.
     void take_pair(One least) {
-        One still[kSpeedColumns], s[kSpeedColumns], w[6], at[kSpeedColumns * 6], pair[6], best[6];
+        Row still, s;
+        Wide at;
+        One w[6], pair[6], best[6];
         double shares[kSpeedColumns];
         for (int j = 0; j < k; j++) shares[j] = j < task.n ? 1.0 / task.limits[j] : 0.0;
         clear(still, k);
         clear(w, m);
         One longest = spread(-1.0), most = longest;
         for (int j = 0; j < k; j++) {  // s, of the columns of 1 - A M the largest on its diagonal
-            One column[kSpeedColumns];
+            Row column;
             for (int i = 0; i < k; i++) {
                 column[i] = spread(i == j ? 1.0 : 0.0);
                 for (int a = 0; a < m; a++) column[i] -= A[i * m + a] * M[a * k + j];
@@ -234,8 +241,7 @@ struct BoxOfSpeeds {
     // middle V_b of the last of the four; by some of each V of the last one behind. And how far the
     // tip moves in these axes: by all orders, all but the first, and all but the second.
     void bound_rest() {
-        One far[kSpeedColumns], rp[kSpeedColumns], rd[kSpeedColumns], behind[kSpeedColumns];
-        One linear[kSpeedColumns], angular[kSpeedColumns];
+        Row far, rp, rd, behind, linear, angular, d;
         const One zero = spread(0.0);
         One beyond = zero, p = zero, arms = zero, slides = zero, all = zero;
         double reach = 0.0;
@@ -251,7 +257,7 @@ struct BoxOfSpeeds {
             behind[j] = before ? zero : r[j] * far[j];
             all += behind[j];
         }
-        One d[kSpeedColumns], sum = zero, pairs = zero, triples = zero;
+        One sum = zero, pairs = zero, triples = zero;
         for (int j = 0; j < k; j++) d[j] = sum += rd[j];
         for (int j = 0; j < k; j++) {
             const One others = d[j] - rd[j];
@@ -308,7 +314,8 @@ struct BoxOfSpeeds {
     void first_order() {
         const One zero = spread(0.0);
         for (int i = 0; i < k; i++) {
-            One extra = zero, aside[kSpeedColumns], ways[kSpeedColumns];
+            One extra = zero;
+            Row aside, ways;
             center[i] = zero;
             clear(along[i], joints);
             clear(aside, joints);
@@ -352,7 +359,8 @@ struct BoxOfSpeeds {
     // What third derivatives by joints i <= h and those no farther from the middle add to E3.
     void third_order(const One* both, int i, int h, One rr) {
         const Span columns = changed(active[i], active[h]);
-        One slope[6 * kSpeedColumns], D[6 * kSpeedColumns], AD[kSpeedColumns * kSpeedColumns];
+        Wide slope, D;
+        Square AD;
         for (int o = behind(active[h]) ? 0 : h; o < joints; o++) {
             if (behind(active[o]) != behind(active[h]) || (behind(active[h]) && o > i)) continue;
             const One rrr = rr * r[active[o]] * (1.0 / (1.0 + (o == i) + (o == h)));
@@ -360,16 +368,17 @@ struct BoxOfSpeeds {
             clear(AD, k * k);
             add_slope(both, J, active[o], slope);
             rows_of(slope, D);
-            for (int a = 0; a < m * k; a++) size[a] += vabs(D[a]) * rrr;
+            add_sizes(D, m * k, rrr, size);
             add_product<1>(A, D, k, m, k, AD, Span{0, m}, columns);
-            for (int a = 0; a < k * k; a++) E3[a] += vabs(AD[a]) * rrr;
+            add_sizes(AD, k * k, rrr, E3);
         }
     }
 
     // What second derivatives add to E2, Q, F (`bent`), and to what joints pull; and third to E3.
     void second_order(One* bent) {
-        One both[6 * kSpeedColumns], D[6 * kSpeedColumns], AD[kSpeedColumns * kSpeedColumns];
-        One turned[6 * kSpeedColumns], here[kSpeedColumns], twice[kSpeedColumns * kSpeedColumns];
+        Wide both, D, turned;
+        Square AD, twice;
+        Row here;
         clear(E2, k * k);
         clear(Q, k * k);
         clear(bent, k);
@@ -387,7 +396,7 @@ struct BoxOfSpeeds {
                     add_slope(S[h], J, active[i], both);
                     add_slope(J, S[h], active[i], both);
                     rows_of(both, D);
-                    for (int a = 0; a < m * k; a++) size[a] += vabs(D[a]) * rr;
+                    add_sizes(D, m * k, rr, size);
                     add_product<1>(A, D, k, m, k, AD, Span{0, m}, columns);
                     add_product<-1>(AD, A, k, k, m, turned, columns, Span{0, m});
                     if (task.still) third_order(both, i, h, rr);
@@ -418,8 +427,9 @@ struct BoxOfSpeeds {
     // y (k,), at least all joint speeds in the box; where nothing is proven, the mask is empty.
     OneMask solved(const One* bent, One* y) {
         const One zero = spread(0.0);
-        One K[36], slack[kSpeedColumns * kSpeedColumns], T[kSpeedColumns * kSpeedColumns];
-        One X[kSpeedColumns * kSpeedColumns], z[kSpeedColumns], E[kSpeedColumns * kSpeedColumns];
+        One K[36];
+        Square slack, e1, T, X, E;
+        Row z, columns, f, more, twice, first, second;
         product(M, A, m, k, m, K);
         One off = zero;
         for (int i = 0; i < m; i++) {
@@ -432,7 +442,6 @@ struct BoxOfSpeeds {
             off = vmax(off, row);
         }
         off = off * 2.0;
-        One columns[kSpeedColumns];
         for (int j = 0; j < k; j++) {
             columns[j] = zero;
             for (int a = 0; a < m; a++) columns[j] += size[a * k + j];
@@ -445,7 +454,6 @@ struct BoxOfSpeeds {
                     sum += vabs(A[i * m + a]) * (size[a * k + j] * kSpeedRounding + columns[j]);
                 slack[i * k + j] = sum;
             }
-        One e1[kSpeedColumns * kSpeedColumns];
         for (int a = 0; a < k * k; a++) {
             e1[a] = E1[a] + slack[a];
             E2[a] += slack[a];
@@ -460,8 +468,6 @@ struct BoxOfSpeeds {
         add_product<1>(Q, E, k, k, k, T);
         for (int a = 0; a < k * k; a++) T[a] += E3[a];
 
-        One f[kSpeedColumns], more[kSpeedColumns], twice[kSpeedColumns];
-        One first[kSpeedColumns], second[kSpeedColumns];
         // Of A X x: all orders but the zeroth, but the first, and but the second.
         for (int i = 0; i < k; i++) {
             One missed = zero, lever = zero;
@@ -490,16 +496,7 @@ struct BoxOfSpeeds {
             X[i * k + i] += spread(1.0);
             y[i] = f[i];
         }
-        for (int p = 0; p < k; p++)
-            for (int i = p + 1; i < k; i++) {
-                const One factor = X[i * k + p] / X[p * k + p];
-                for (int j = p + 1; j < k; j++) X[i * k + j] -= factor * X[p * k + j];
-                y[i] -= factor * y[p];
-            }
-        for (int p = k - 1; p >= 0; p--) {
-            for (int j = p + 1; j < k; j++) y[p] -= X[p * k + j] * y[j];
-            y[p] = y[p] / X[p * k + p];
-        }
+        solve_spd(X, y, k, 0.0, 0.0);  // where a pivot is not positive, nothing is proven
         for (int i = 0; i < k; i++) y[i] = y[i] * (1.0 + 1e-9);
         product(T, y, k, k, 1, more);
         OneMask good = off < 1e-3;
@@ -519,18 +516,18 @@ struct BoxOfSpeeds {
         clear(pull, k);
         clear(E1, k * k);
         for (int a = 0; a < m * k; a++) size[a] = vabs(M[a]);
-        One D[6 * kSpeedColumns];
+        Wide D;
         for (int j = 0; j < task.n; j++) {
             if (!task.moving[j]) continue;
             One* slope = S[joints];
             clear(slope, 6 * k);
             add_slope(J, J, j, slope);
             rows_of(slope, D);
-            for (int a = 0; a < m * k; a++) size[a] += vabs(D[a]) * r[j];
+            add_sizes(D, m * k, r[j], size);
             clear(G[joints], k * k);
             clear(B[joints], k * m);
             add_product<1>(A, D, k, m, k, G[joints], Span{0, m}, changed(j));
-            for (int a = 0; a < k * k; a++) E1[a] += vabs(G[joints][a]) * r[j];
+            add_sizes(G[joints], k * k, r[j], E1);
             add_product<1>(G[joints], A, k, k, m, B[joints], changed(j), Span{0, m});
             add_carried<-1>(j, J + j, k, B[joints]);
             active[joints++] = j;
@@ -538,7 +535,7 @@ struct BoxOfSpeeds {
         bound_rest();
         first_order();
         // Where this is too much already, the second order is not looked at.
-        One x[kSpeedColumns], y[kSpeedColumns], rest[kSpeedColumns], bent[kSpeedColumns];
+        Row x, y, rest, bent;
         product(E3, F, k, k, 1, rest);
         product(E1, F, k, k, 1, x);
         product(E1, x, k, k, 1, y);
@@ -557,7 +554,8 @@ struct BoxOfSpeeds {
         for (int i = 0; i < k; i++) x[i] = select(good, y[i], F[i]);
         product(E1, x, k, k, 1, y);
         product(E1, y, k, k, 1, rest);
-        One worst = spread(-1.0), by[kSpeedColumns];
+        One worst = spread(-1.0);
+        Row by;
         clear(by, joints);
         for (int i = 0; i < task.n; i++) {
             const One share = x[i] * (1.0 / task.limits[i]);
