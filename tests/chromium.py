@@ -54,3 +54,15 @@ def near(pixels: np.ndarray, color: tuple[int, int, int]) -> int:
 
 def text(page: Any, selector: str) -> str:
     return str(page.locator(selector).inner_text())
+
+
+def until(page: Any, selector: str, words: str) -> None:
+    """Wait until an element says this."""
+    page.wait_for_function(
+        "([s, w]) => document.querySelector(s).textContent.includes(w)", arg=[selector, words]
+    )
+
+
+def q_of(page: Any) -> np.ndarray:
+    """The configuration shown."""
+    return np.array(page.evaluate("() => window.pinsing.view.frame.q"))

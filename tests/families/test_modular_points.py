@@ -24,21 +24,6 @@ def _snake():
     return arm, geometry, ring, [minors.minor(range(i, i + 6), {}) for i in range(5)]
 
 
-@pytest.mark.slow
-def test_points_are_singular_where_all_minors_of_neighbours_vanish(snake):
-    arm, geometry, ring, minors = snake
-    points = ModularPoints(geometry, arm.task, ring, 1).points({}, minors, 4, Budget(60))
-    assert len(points) == 4
-    for p in points:
-        assert all(p.is_zero(m) for m in minors)
-        assert (p.rank(range(10)), p.rank(range(5))) == (5, 5)
-    # With one equation less the rank is full, and the last one does not vanish.
-    fewer = ModularPoints(geometry, arm.task, ring, 1).points({}, minors[:-1], 4, Budget(60))
-    assert all(p.rank(range(10)) == 6 for p in fewer)
-    assert not any(p.is_zero(minors[-1]) for p in fewer)
-    assert len({p.residues.prime for p in points}) > 1
-
-
 def test_joints_at_values_are_there(snake):
     arm, geometry, ring, minors = snake
     place = {3: (1, 0), 5: (2, 1)}

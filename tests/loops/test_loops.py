@@ -200,15 +200,6 @@ def test_loci_that_shrink_to_a_point_are_stated(gap, links, lost, at, off):
             np.testing.assert_allclose(np.sin(turned / 2), 0, atol=1e-9)
 
 
-@pytest.mark.slow
-def test_cranks_on_one_axis_meet_along_a_line():
-    """Ends that coincide at equal angles, whatever these are: no isolated points."""
-    mechanism = two_cranks([(0.0, 0.0), (0.0, 0.0)], [0.2, 0.3, 0.2, 0.3])
-    (meet,) = [x for x in loop_forms(mechanism).loci if "coincide" in x.words]
-    assert not meet.points_only
-    assert float(meet.equation([0.7, 0.7])) == pytest.approx(0, abs=1e-12)
-
-
 # -- modes and solving ---------------------------------------------------------------------------
 
 

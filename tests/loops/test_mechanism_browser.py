@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from chromium import open_page, picture, require_browser, text
+from chromium import open_page, picture, q_of, require_browser, text, until
 from mechanisms import analyzed, shipped
 
 from pinsing.loops import home, residual
@@ -64,10 +64,6 @@ def drag(page: Any, joint: int, degrees: float) -> None:
     page.evaluate(
         "(k) => window.pinsing.panel.rows[k].slider.dispatchEvent(new Event('change'))", joint
     )
-
-
-def shown(page: Any) -> np.ndarray:
-    return np.array(page.evaluate("() => window.pinsing.view.frame.q"))
 
 
 def reached(page: Any, q: np.ndarray) -> None:
@@ -129,7 +125,7 @@ def test_the_output_is_led_by_sliders_of_its_pose(page: Any, five_bar: Mechanism
     lead(page, 0, x - 0.2)
     tip = page.evaluate("() => window.pinsing.view.frame.tip")
     np.testing.assert_allclose(tip[:2], [x - 0.2, y], atol=1e-10)
-    assert np.abs(residual(mechanism, shown(page))).max() < 1e-10
+    assert np.abs(residual(mechanism, q_of(page))).max() < 1e-10
     assert text(page, "#refused") == ""
     assert "mm" in page.locator(".pose-row .value").first.inner_text()
     settled(page)
@@ -138,7 +134,7 @@ def test_the_output_is_led_by_sliders_of_its_pose(page: Any, five_bar: Mechanism
     lead(page, 1, 2.5)
     assert text(page, "#refused").startswith("infeasible: y = ")
     assert "type 1 singularity: the leg of q" in text(page, "#refused").replace("\n", "")
-    assert np.abs(residual(mechanism, shown(page))).max() < 1e-10
+    assert np.abs(residual(mechanism, q_of(page))).max() < 1e-10
     page.evaluate(
         "() => window.pinsing.panel.rows.at(-1).slider.dispatchEvent(new Event('change'))"
     )
@@ -206,7 +202,7 @@ def test_an_infeasible_input_is_said_and_the_mechanism_stays(
         .startswith(f"infeasible: {mechanism.inputs[0]} = {end + 15:.1f}°")
     )
     assert f"{end:.2f}°" in text(page, "#refused")
-    q = shown(page)
+    q = q_of(page)
     assert np.degrees(q[joint]) == pytest.approx(end, abs=0.01)
     assert np.abs(residual(mechanism, q)).max() < 1e-9
     # Let go, the slider is where the mechanism is.
@@ -218,7 +214,7 @@ def test_an_infeasible_input_is_said_and_the_mechanism_stays(
     drag(page, joint, start)
     assert text(page, "#refused") == ""
     assert "assembly +" in text(page, "#rank")
-    np.testing.assert_allclose(mechanism.fold(shown(page) - home(mechanism)), 0, atol=1e-6)
+    np.testing.assert_allclose(mechanism.fold(q_of(page) - home(mechanism)), 0, atol=1e-6)
 
 
 @pytest.mark.slow
@@ -228,12 +224,10 @@ def test_modes_are_chosen_from_the_menu(page: Any, five_bar: MechanismViewer) ->
     groups = page.locator("#mode-menu optgroup")
     assert [groups.nth(i).locator("option").count() for i in range(groups.count())] == [2, 4]
     assert menu.locator("option:checked").first.inner_text() == "assembly +, elbows -+"
-    before = shown(page)
+    before = q_of(page)
     menu.select_option(label="assembly -, elbows -+")
-    page.wait_for_function(
-        "() => document.getElementById('rank').textContent.includes('assembly -')"
-    )
-    after = shown(page)
+    until(page, "#rank", "assembly -")
+    after = q_of(page)
     np.testing.assert_allclose(after[[0, 2]], before[[0, 2]], atol=1e-9)
     assert np.abs(after - before).max() > 0.5
     settled(page)
@@ -243,11 +237,9 @@ def test_modes_are_chosen_from_the_menu(page: Any, five_bar: MechanismViewer) ->
     other = groups.nth(1).locator("option")
     labels = [label for label in other.all_inner_texts() if label != here]
     menu.select_option(label=labels[0])
-    page.wait_for_function(
-        "(w) => document.getElementById('rank').textContent.endsWith(w)", arg=labels[0]
-    )
+    until(page, "#rank", labels[0])
     np.testing.assert_allclose(page.evaluate("() => window.pinsing.view.frame.tip"), tip, atol=1e-4)
-    assert np.abs(shown(page) - after)[[0, 2]].max() > 0.1
+    assert np.abs(q_of(page) - after)[[0, 2]].max() > 0.1
 
 
 @pytest.mark.slow

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from command_line import run
 from mechanisms import URDF, shipped, value
-from tiers import tiered, tiered_rows
+from tiers import tiered_rows
 from urdf_text import J, X, frame, loop_text, written
 
 import pinsing
-from pinsing.loops import assembly_modes, pose_forms, working_modes
+from pinsing.loops import pose_forms
 from pinsing.loops.closure import random_closed
 from pinsing.loops.legs import most_assemblies, why_no_rods
 from pinsing.loops.pose_loci import variables_at
@@ -53,16 +53,6 @@ def test_the_loci_do_not_depend_on_where_slides_are_counted_from(name, most, tmp
     # What the limits say of a length is said of the length.
     excluded = [any("limits exclude" in x for x in f.notes) for f in (one, two)]
     assert excluded == [True, True]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", tiered(["planar_3rpr", "rps3"], {"rps3"}))
-def test_modes_of_slides_from_mid_stroke_are_counted_as_before(name, tmp_path):
-    plain, moved = shipped(name), counted_from_mid_stroke(tmp_path, name)
-    assert working_modes(moved).statement == working_modes(plain).statement
-    if name == "planar_3rpr":
-        assert assembly_modes(moved).statement == assembly_modes(plain).statement
-        assert "degree 6" in assembly_modes(moved).statement
 
 
 @pytest.mark.slow

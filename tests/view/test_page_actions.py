@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from chromium import open_page, require_browser, text
+from chromium import open_page, q_of, require_browser, text, until
 from command_line import run
 from mechanisms import analyzed, shipped
 
@@ -58,16 +58,6 @@ def addresses(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, di
 @pytest.fixture(params=["file", "live"])
 def pages(request: pytest.FixtureRequest, addresses: dict[str, dict[str, str]]) -> dict[str, str]:
     return addresses[request.param]
-
-
-def q_of(page: Any) -> np.ndarray:
-    return np.array(page.evaluate("() => window.pinsing.view.frame.q"))
-
-
-def until(page: Any, selector: str, words: str) -> None:
-    page.wait_for_function(
-        "([s, w]) => document.querySelector(s).textContent.includes(w)", arg=[selector, words]
-    )
 
 
 def step_through(page: Any) -> None:
@@ -454,9 +444,7 @@ def test_a_live_page_reads_files_as_the_command_line_does(page: Any, tmp_path: P
         give(page, "tour.csv", content)
         until(page, "#path-verdict", "tour.csv: crosses the wrist singularity")
         assert text(page, "#path-verdict") == said[0]
-        assert "decimal commas" in page.evaluate(
-            "() => document.querySelector('#path-notes').textContent"
-        )
+        until(page, "#path-notes", "decimal commas")
         page.locator("#path-stops .meets").click()
         assert text(page, "#status") == "Singular"
         assert text(page, "#clock") == "2.05 of 4.00 s"

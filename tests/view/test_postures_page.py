@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from chromium import open_page, text
+from chromium import open_page, q_of, text
 from command_line import run
 from dh_arms import dh_text
 from pages import baked
@@ -57,7 +57,7 @@ def test_a_click_plays_the_way_to_a_posture(page: Any, cuspidal: Any) -> None:
         for k in (next(i for i, p in enumerate(listed) if p["way"]), 3):
             page.locator("#postures > li button").nth(k).click()
             assert page.locator("#postures > li.chosen").count() == 1
-            q = np.array(page.evaluate("() => window.pinsing.view.frame.q"))
+            q = q_of(page)
             assert np.abs(arm.space.wrap(q - np.array(listed[k]["q"]))).max() < 1e-9
             assert f"posture {k + 1}" in text(page, "#playing")
             last = int(page.locator("#scrub").get_attribute("max") or 0)

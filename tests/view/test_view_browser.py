@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from chromium import BLUE, PINK, near, open_page, picture, require_browser, show_only, text
+from chromium import BLUE, PINK, near, open_page, picture, require_browser, show_only, text, until
 from command_line import started
+from test_page_actions import approach, move_within
 
 from pinsing import Monitor, closed_form, zones
 from pinsing.families.tube import Tube, TubeWidth
@@ -48,25 +49,27 @@ def static(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.slow
 def test_a_running_robot_is_followed(page: Any) -> None:
     words = ["-m", "pinsing", "view", "scara", "--skeleton", "--no-open", "--follow", "-", "--deg"]
-    saying = "(t) => document.querySelector('#playing').textContent.includes(t)"
     standing = "(t) => Math.abs(window.pinsing?.view?.frame?.q[3] - t) < 1e-9"
     with started(*words, stdin=subprocess.PIPE) as robot:
         try:
             open_page(page, robot.stdout.readline().strip())
-            for line, shows, what in (
-                ("q4,q2,q3,q1\n40,20,0.1,10\n", standing, math.radians(40)),
-                ("1,2,3\n", saying, "cannot read 1,2,3"),
-                ('{"q1": 10, "q2": 20, "q3": 0.1, "q4": 50}\n', standing, math.radians(50)),
+            for line, what in (
+                ("q4,q2,q3,q1\n40,20,0.1,10\n", math.radians(40)),
+                ("1,2,3\n", "cannot read 1,2,3"),
+                ('{"q1": 10, "q2": 20, "q3": 0.1, "q4": 50}\n', math.radians(50)),
             ):
                 robot.stdin.write(line)
                 robot.stdin.flush()
-                page.wait_for_function(shows, arg=what)
-            page.wait_for_function(saying, arg="no line for 1 s")
+                if isinstance(what, str):
+                    until(page, "#playing", what)
+                else:
+                    page.wait_for_function(standing, arg=what)
+            until(page, "#playing", "no line for 1 s")
             robot.stdin.close()
-            page.wait_for_function(saying, arg="the stream has ended")
+            until(page, "#playing", "the stream has ended")
             page.reload()
             page.wait_for_function(standing, arg=math.radians(50))
-            page.wait_for_function(saying, arg="the stream has ended")
+            until(page, "#playing", "the stream has ended")
             robot.send_signal(signal.SIGINT)
             assert robot.wait(20) == 0
         finally:
@@ -98,7 +101,7 @@ def test_the_browser_has_loaded_the_page_before_there_is_an_arm(page: Any) -> No
     with Viewer(load("scara"), skeleton=True) as viewer:
         server = Server("scara", port=0)
         page.goto(server.url, wait_until="load")
-        page.wait_for_function("() => document.getElementById('busy').textContent === 'computing…'")
+        until(page, "#busy", "computing…")
         hand_over(viewer, server)
         page.wait_for_selector("body[data-ready=yes]", timeout=90_000)
         assert text(page, "#robot") == "scara"
@@ -111,9 +114,7 @@ def test_a_page_whose_program_ends_at_once_says_so(browser: Any, missing: str) -
     with browser.new_page() as tab:
         tab.route(f"**/{missing}", lambda route: route.abort())
         tab.goto(server.url)
-        tab.wait_for_function(
-            "() => document.getElementById('busy').textContent.endsWith('this page has ended')"
-        )
+        until(tab, "#busy", "this page has ended")
     server.close()
 
 
@@ -124,25 +125,12 @@ def test_the_static_page_opens_from_a_file(page: Any, static: Path) -> None:
     assert text(page, "#status") == "Singular"
     assert picture(page).std() > 10
     page.locator(".pose").nth(1).click()
-    page.wait_for_function(
-        "() => document.getElementById('playing').textContent.includes('pose 2')"
-    )
-    stations = [("into", 0, "Regular"), ("into", 1e9, "Singular"), ("along", 9, "Singular")]
-    for kind, place, status in stations:
-        page.evaluate("() => { window.before = window.pinsing.path; }")
-        page.locator(f".chosen .{kind}").click()
-        page.wait_for_function(
-            "(k) => window.pinsing.path !== window.before && window.pinsing.path.kind === k",
-            arg=kind,
-        )
-        page.evaluate("(p) => { window.pinsing.pause(); window.pinsing.at(p); }", place)
-        assert text(page, "#status") == status
+    until(page, "#playing", "pose 2")
+    approach(page)
+    move_within(page)
     # The sliders move it: nothing but the page computes.
-    page.evaluate(
-        """() => { const s = document.querySelectorAll(".joint input[type=range]")[1];
-             s.value = 0.5; s.dispatchEvent(new Event("input")); }"""
-    )
-    page.wait_for_function("() => document.getElementById('status').textContent === 'Regular'")
+    page.locator(".joint input[type=range]").nth(1).fill("0.5")
+    until(page, "#status", "Regular")
     assert "° from F1" in text(page, "#nearest")
 
 
@@ -171,7 +159,7 @@ def test_the_nearest_of_listed_poses_where_no_family_is_known(page: Any, static:
     open_page(page, static.as_uri() + "#q=0.3,0.4,0.05,0.5")
     page.evaluate("() => { window.pinsing.page.engine.families = []; }")
     page.locator("#nearest-pose").click()
-    page.wait_for_function("() => document.getElementById('status').textContent === 'Singular'")
+    until(page, "#status", "Singular")
     q = np.array(page.evaluate("() => window.pinsing.view.frame.q"))
     listed = page.evaluate("() => window.pinsing.page.entries.flatMap((e) => e.q)")
     turn = 2 * np.pi * np.array([1, 1, 0, 1])  # the third joint slides
