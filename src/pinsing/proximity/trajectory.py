@@ -52,8 +52,8 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
 
     def meeting(c: Crossing) -> str:
         q = (joint_text(x, s, degrees) for x, s in zip(c.q, check.arm.prismatic, strict=True))
-        met = f"{c.kind} {_title(check, c.family)}"
-        return f"{_when(check, c.t, c.t_end)}: {met}, q = {', '.join(q)}"
+        met = f"{c.kind} {_title(check, c.family)}, q = {', '.join(q)}"
+        return f"{_when(check, c.t, c.t_end)}: {met}"
 
     def change(a: AspectChange) -> str:
         sides = (a.before, a.names_before), (a.after, a.names_after)
@@ -143,6 +143,7 @@ def _excess(check: TrajectoryCheck, e: Excess, per: str, degrees: bool) -> str:
 
 
 def _met(check: TrajectoryCheck, degrees: bool) -> str:
+    near = f"comes within {angle_text(check.near, degrees)} of one"
     faults = [
         words
         for words, found in (
@@ -150,37 +151,35 @@ def _met(check: TrajectoryCheck, degrees: bool) -> str:
             ("leaves joint limits", check.outside),
             ("exceeds joint speed limits", check.too_fast),
             ("exceeds joint acceleration limits", check.too_abrupt),
-            (f"comes within {angle_text(check.near, degrees)} of one", check.stretches),
+            (near, check.stretches),
         )
         if found
     ]
     left_out = f"; {listed(check.unchecked)} not looked at" if check.unchecked else ""
     if not (met := check.crossings or check.own_crossings):
         none = "meets no singular configuration" if check.complete else "meets no known family"
-        if check.unchecked:
+        if check.tube and check.clearance == 0 and not check.nominal:
+            none = "meets no family of the design, perhaps a singular configuration of this robot"
+        elif check.unchecked:
             seen = [_title(check, a.family) for a in check.approaches]
             none = f"meets no {listed(seen) or 'family that was looked at'}"
         none += " of the design" * check.nominal
-        if check.tube and check.clearance == 0 and not check.nominal:
-            none = "meets no family of the design, perhaps a singular configuration of this robot"
-        if not faults:
-            sure = "proven between samples" if check.samples > 1 else "1 sample"
-            return f"{none} ({sure}){left_out}"
-        return f"{none}, but {listed(faults)}{left_out}"
+        sure = "proven between samples" if check.samples > 1 else "1 sample"
+        return none + (f", but {listed(faults)}" if faults else f" ({sure})") + left_out
     first, *rest = met
     verb = {"crossing": "crosses", "touch": "touches", "along": "stays on"}[first.kind]
     more = [f"{len(rest)} more meetings"] * bool(rest)
     if len(rest) == 1:
         more = [f"{_title(check, rest[0].family)} {_when(check, rest[0].t)}"]
-    also = [*more, *(words for words in faults if not words.startswith("comes"))]
-    singular = f"{verb} a singular configuration of this robot itself"
-    if check.crossings:
-        singular = f"{verb} {singularity(first.family, first.title, first.where)}"
-        singular += " of the design" * bool(check.tube)
+    also = [*more, *(words for words in faults if words != near)]
     when = _when(check, first.t, first.t_end if first.kind == "along" else None)
-    if check.crossings and check.own_crossings:
-        when += f" (this robot itself {_when(check, check.own_crossings[0].t)})"
-    return f"{singular} {when}{'; also ' * bool(also)}{listed(also)}{left_out}"
+    singular = "a singular configuration of this robot itself"
+    if check.crossings:
+        singular = singularity(first.family, first.title, first.where)
+        singular += " of the design" * bool(check.tube)
+        if check.own_crossings:
+            when += f" (this robot itself {_when(check, check.own_crossings[0].t)})"
+    return f"{verb} {singular} {when}{'; also ' * bool(also)}{listed(also)}{left_out}"
 
 
 def singularity(family: str, title: str, where: str = "") -> str:
@@ -227,31 +226,30 @@ def _nearest(check: TrajectoryCheck, degrees: bool) -> str:
 
 
 def _near(check: TrajectoryCheck, degrees: bool) -> str:
+    if not check.stretches:
+        return ""
     total = sum(s.t_end - s.t for s in check.stretches)
     span = check.t_last - check.t_first
     part = total / span if span > 0 else 1.0
     share = f"{100 * part:.3g} %" if part < 0.9995 else "all"
     share += f" of the {'time' if check.timed else 'samples'}" if span > 0 else " of it"
-    ends = {"toward": "ends moving toward", "away": "ends moving away from"}
-    end = f"; it {ends[check.trend]} the nearest one" if check.trend in ends else ""
-    if not check.stretches:
-        return ""
+    ends = {"toward": "moving toward", "away": "moving away from"}
+    end = f"; it ends {ends[check.trend]} the nearest one" if check.trend in ends else ""
     return f"Within {angle_text(check.near, degrees)} of a singularity for {share}{end}"
 
 
 def _speeds(check: TrajectoryCheck) -> list[str]:
     """One line for each kind of excess, its first or worst."""
-    out = []
-    for what, found in (
-        ("Joint speeds", check.too_fast),
-        ("Joint accelerations", check.too_abrupt),
-        ("Joint limits", check.outside),
-    ):
-        if found:
-            e = found[0]
-            more = f" and {len(found) - 1} more" if len(found) > 1 else ""
-            verb = "leaves its limits" if found is check.outside else "exceeds its limit"
-            out.append(f"{what}: {e.joint} {verb} {_when(check, e.t, e.t_end)}{more}")
+    out = [
+        f"{what}: {found[0].joint} {verb} {_when(check, found[0].t, found[0].t_end)}"
+        + f" and {len(found) - 1} more" * (len(found) > 1)
+        for what, verb, found in (
+            ("Joint speeds", "exceeds its limit", check.too_fast),
+            ("Joint accelerations", "exceeds its limit", check.too_abrupt),
+            ("Joint limits", "leaves its limits", check.outside),
+        )
+        if found
+    ]
     if not (check.timed and check.speed_limits):
         why = "the robot names no limits" if check.timed else "there are no times"
         out.append(f"Joint speeds: not judged, {why}")
@@ -358,30 +356,26 @@ class Speeds:
         limit = np.where(Q[own] > high, self.arm.upper, self.arm.lower)
         self._keep("outside", t[own], t[own], out, Q[own], limit, out > 0)
         self._cost(t[own], Q[own])
-        begin = max(first, 1)  # steps belong to the sample at which they end
-        if last <= begin:
-            return
-        step = np.abs(np.diff(Q, axis=0)[begin - 1 : last - 1])
-        before, after = t[begin - 1 : last - 1], t[begin:last]
+        steps = slice(max(first, 1) - 1, last - 1)  # those that end at these samples
+        step = np.abs(np.diff(Q, axis=0)[steps])
+        before, after = t[:-1][steps], t[1:][steps]
         slides = self.arm.prismatic
         far = np.where(slides, self.arm.length_scale, 1.0)
         often = 20.0 * np.median(step, axis=0) if len(step) > 8 else np.inf
         bound = np.maximum(_SHORT_JUMP * far, often)
         bound = np.minimum(bound, np.where(slides, np.inf, _LONG_JUMP))
         self._keep("jump", before, after, step, step, bound, step > bound)
-        if not self.timed:
-            return
-        speed = step / (after - before)[:, None]
-        share = speed / self.limits
-        self._keep("speed", before, after, share, speed, self.limits, share > 1 + 1e-9)
-        begin = max(begin - 1, 2)
-        if self.accelerations is None or last <= begin:
-            return
-        rate = np.diff(Q, axis=0) / np.diff(t)[:, None]
-        middle = (t[1:] + t[:-1]) / 2
-        bend = np.abs(np.diff(rate, axis=0) / np.diff(middle)[:, None])[begin - 2 : last - 2]
-        share, at = bend / self.accelerations, t[begin - 1 : last - 1]
-        self._keep("acceleration", at, at, share, bend, self.accelerations, share > 1 + 1e-9)
+        if self.timed:
+            speed = step / (after - before)[:, None]
+            share = speed / self.limits
+            self._keep("speed", before, after, share, speed, self.limits, share > 1 + 1e-9)
+        if self.timed and self.accelerations is not None:
+            rate = np.diff(Q, axis=0) / np.diff(t)[:, None]
+            middle = (t[1:] + t[:-1]) / 2
+            inner = slice(max(first - 3, 0), max(last - 2, 0))
+            bend = np.abs(np.diff(rate, axis=0) / np.diff(middle)[:, None])[inner]
+            share, at = bend / self.accelerations, t[1:-1][inner]
+            self._keep("acceleration", at, at, share, bend, self.accelerations, share > 1 + 1e-9)
 
     def _cost(self, t: Array, Q: Array) -> None:
         """Return where some tip velocity of the given speeds needs more than a joint's limit."""
@@ -429,9 +423,8 @@ class Speeds:
         listed = self._found.setdefault(kind, [])
         for k, old in enumerate(listed):
             if old.joint == new.joint and old.t - gap <= new.t <= old.t_end + gap:
-                larger = abs(new.worst - new.limit) > abs(old.worst - old.limit)
-                end = max(old.t_end, new.t_end)
-                listed[k] = replace(new if larger else old, t=old.t, t_end=end)
+                worse = max(old, new, key=lambda e: abs(e.worst - e.limit))
+                listed[k] = replace(worse, t=old.t, t_end=max(old.t_end, new.t_end))
                 return
         if gap or len(listed) < 200:
             listed.append(new)
