@@ -156,21 +156,19 @@ def zones_command(
     _tell(answer, json_target, deg)
 
 
-_ANGLE = re.compile(r"\s*([0-9.eE+-]+)\s*(deg|°|rad)?\s*")
+_NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_ANGLE = re.compile(rf"\s*({_NUMBER})\s*(deg|°|rad)?\s*")
 
 
 def angle(text: str, option: str, degrees: bool | None) -> float:
     """Return radians of ``3deg``, ``0.05rad`` or a number; OptionError if in no unit, or <= 0."""
     match = _ANGLE.fullmatch(text)
-    try:
-        value = float(match.group(1)) if match else math.nan
-    except ValueError:
-        value = math.nan
+    value = float(match[1]) if match else math.nan
     OptionError.refuse_if(
         not (value > 0 and math.isfinite(value)),
         f"{option}: {text!r} is no positive angle such as 3deg or 0.05rad",
     )
-    unit = match.group(2) if match else None
+    unit = match[2] if match else None
     OptionError.refuse_if(
         unit is None and degrees is None,
         f"{option} {text} is in no unit: write {text}deg or {text}rad",

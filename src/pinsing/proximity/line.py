@@ -472,18 +472,18 @@ def _speeds(
 ) -> tuple[tuple[Overspeed, ...], float]:
     limits = limits_of(arm)
     rate = np.abs(tracked.rate) / length  # per metre of the line
-    finite = np.where(np.isfinite(rate), rate, np.inf)
+    rate = np.where(np.isfinite(rate), rate, np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):
-        allowed = np.where(finite > 0, limits / finite, np.inf)
+        allowed = np.where(rate > 0, limits / rate, np.inf)
     allowed = np.nan_to_num(allowed, nan=np.inf, posinf=np.inf)
     out = []
-    for j in range(arm.n):
+    for j, name in enumerate(arm.joints):
         for first, end in runs(allowed[:, j] < speed * (1 - 1e-12)):
-            a = _edge(s, allowed[:, j], first, -1, speed)
-            b = _edge(s, allowed[:, j], end - 1, 1, speed)
-            worst = float(finite[first:end, j].max()) * speed
-            least = float(allowed[first:end, j].min())
-            out.append(Overspeed(arm.joints[j], a, b, worst, float(limits[j]), least))
+            ends = [
+                _edge(s, allowed[:, j], i, side, speed) for i, side in ((first, -1), (end - 1, 1))
+            ]
+            worst, least = rate[first:end, j].max() * speed, allowed[first:end, j].min()
+            out.append(Overspeed(name, *ends, float(worst), float(limits[j]), float(least)))
     out.sort(key=lambda o: (o.s, o.joint))
     return tuple(out), float(allowed.min())
 
