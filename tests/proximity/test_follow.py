@@ -154,7 +154,7 @@ def test_times_by_whole_seconds_may_be_milliseconds_and_guessed_names_are_told(f
         (json.dumps(dict(zip(NAMES, Q.tolist(), strict=True)) | {"unit": "deg"}), "'unit' is not"),
         (of(junk="x" * (1 << 20)), "a line of more than 1,048,576 characters"),
         *((bad, "") for bad in ("1,2", '{"t": 1}', '{"position": 3}', "a,b,c,d,e,f,g", "\0")),
-        *((bad, "") for bad in ("nan,0,0,0,0,0", "0,1,2,3,4,5,6")),
+        *((bad, "") for bad in ("nan,0,0,0,0,0", "0,1,2,3,4,5,6", "{}", of([], name=[]))),
     ],
 )
 def test_errors_say_the_line_and_the_joint(form, bad, words):

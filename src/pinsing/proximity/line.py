@@ -479,11 +479,10 @@ def _speeds(
     out = []
     for j, name in enumerate(arm.joints):
         for first, end in runs(allowed[:, j] < speed * (1 - 1e-12)):
-            ends = [
-                _edge(s, allowed[:, j], i, side, speed) for i, side in ((first, -1), (end - 1, 1))
-            ]
+            sides = (first, -1), (end - 1, 1)
+            a, b = (_edge(s, allowed[:, j], i, side, speed) for i, side in sides)
             worst, least = rate[first:end, j].max() * speed, allowed[first:end, j].min()
-            out.append(Overspeed(name, *ends, float(worst), float(limits[j]), float(least)))
+            out.append(Overspeed(name, a, b, float(worst), float(limits[j]), float(least)))
     out.sort(key=lambda o: (o.s, o.joint))
     return tuple(out), float(allowed.min())
 

@@ -454,13 +454,13 @@ def latest(
     """Yield lines of a live stream, at most ``backlog`` late, each with how many were dropped."""
     # None stands for silence: once, after ``stalled`` seconds.
     lines = iter(lines)
-    waiting: deque[str] = deque()
+    waiting: deque[Any] = deque()  # lines, and at last the error that ended them
     news = threading.Condition()
-    dropped, ended, taken = 0, False, False
-    failed: list[OSError] = []
+    dropped, taken = 0, False
 
     def read() -> None:
-        nonlocal dropped, ended
+        nonlocal dropped
+        end: Exception = EOFError()
         try:
             for line in lines:
                 with news:
@@ -472,25 +472,24 @@ def latest(
                         dropped += 1
                     news.notify()
         except OSError as error:
-            failed.append(error)
+            end = error
         with news:
-            ended = True
+            waiting.append(end)
             news.notify()
 
     threading.Thread(target=read, daemon=True).start()
-    silent = False
+    line: str | Exception | None = ""
     while True:
         with news:
-            came = news.wait_for(lambda: waiting or ended, None if silent else stalled)
+            news.wait_for(lambda: waiting, None if line is None else stalled)
             line = waiting.popleft() if waiting else None
             count = dropped if taken else 0
             dropped -= count
             taken |= line is not None
-        if line is None and came:
-            if failed:
-                raise failed[0]
+        if isinstance(line, EOFError):
             return
-        silent = line is None
+        if isinstance(line, Exception):
+            raise line
         yield line, count
 
 
@@ -600,28 +599,27 @@ class Reader:
                 f"the stream: {key!r} is not read: leave it out, with the joints in 'name' and "
                 "angles in radians, or in degrees with --deg",
             )
-        arm, speeds = self._arm, None
-        if "position" not in data:
-            heads, values = self._heads(list(data)), list(data.values())
-            self._time(None if heads.time is None else values[heads.time], data, heads, values)
-            q = self._values("q", heads, values)
-        else:
-            names, values = data.get("name", list(arm.joints)), data["position"]
+        names, values, rates = list(data), list(data.values()), None
+        if "position" in data:
+            names, values = data.get("name", list(self._arm.joints)), data["position"]
+            rates = data.get("velocity")
             self._time(data.get("t", data.get("time", data.get("timestamp"))), data)
             lists = isinstance(names, list) and isinstance(values, list)
             ConfigurationError.refuse_if(
                 not lists or len(names) != len(values),
                 "name and position must be lists of one length",
             )
-            heads, rates = self._heads(list(map(str, names))), data.get("velocity")
-            q = self._values("q", heads, values)
-            if rates is not None and rates != []:
-                ConfigurationError.refuse_if(
-                    not isinstance(rates, list) or len(rates) != len(names),
-                    f"velocity needs {len(names)} values, as position has",
-                )
-                if not any(r is None or r != r or r in (np.inf, -np.inf) for r in rates):
-                    speeds = self._values("velocity", heads, rates)
+        heads, speeds = self._heads(list(map(str, names))), None
+        if "position" not in data:
+            self._time(None if heads.time is None else values[heads.time], data, heads, values)
+        q = self._values("q", heads, values)
+        if rates is not None and rates != []:
+            ConfigurationError.refuse_if(
+                not isinstance(rates, list) or len(rates) != len(names),
+                f"velocity needs {len(names)} values, as position has",
+            )
+            if not any(r is None or r != r or r in (np.inf, -np.inf) for r in rates):
+                speeds = self._values("velocity", heads, rates)
         self._called = self._called or heads.called
         for now, before in zip(heads.called, self._called, strict=True):
             ConfigurationError.refuse_if(

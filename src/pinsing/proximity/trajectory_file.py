@@ -680,7 +680,7 @@ class ColumnHeads:
         if twice := [w for w in words if w and words.count(w) > 1 and not columns]:
             raise self._error(f"column {twice[0]!r:.80} is there twice")
         known = _others(arm)
-        names, marks = map(list, zip(*map(split_unit, words), strict=True))
+        names, marks = ([split_unit(word)[k] for word in words] for k in (0, 1))
         named = {} if columns else {i: m for i, w in enumerate(words) if (m := _NAME.fullmatch(w))}
         cells = {i: word.strip(AROUND) for i, word in enumerate(first) if i in named}
         self.labels = {i: c for i, c in cells.items() if not is_number(c)}

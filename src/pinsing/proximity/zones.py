@@ -160,8 +160,9 @@ class Zones(JsonResult):
         far = partial(angle_text, degrees=degrees)
         kept = [n for n, d in self.distances.items() if d > 0]
         where = f"with {listed(self.within)}, " if self.within else ""
-        exceeded = self.common_exceeding
-        if kept and not math.isfinite(self.sigma_min):
+        exceeded, found = self.common_exceeding, math.isfinite(self.sigma_min)
+        notes = [f"note: {n}" for n in self.notes]
+        if kept and not found:
             lines = [
                 f"{self.arm.name}: {where}no useful distance was found",
                 "",
@@ -169,34 +170,28 @@ class Zones(JsonResult):
                 "  try lower --tip-speed and --turn-speed, a smaller --within, or more --boxes "
                 f"({self.boxes:,} here)",
                 f"  A joint speed limit is exceeded even {far(exceeded)} from all families",
-            ][: 5 if exceeded else 4]
-            return "\n".join([*lines, *(f"note: {n}" for n in self.notes)])
+            ]
+            return "\n".join([*lines[: 5 if exceeded else 4], *notes])
+        head = "no distance need be kept (proven)" if found else "no configuration was found"
         if kept:
             away = listed([f"{far(self.distances[n])} from {self.titles[n]}" for n in kept])
-            lines = [f"{self.arm.name}: {where}keep {away} (proven)"]
-        elif not math.isfinite(self.sigma_min):
-            lines = [f"{self.arm.name}: {where}no configuration was found"]
-        else:
-            lines = [f"{self.arm.name}: {where}no distance need be kept (proven)"]
+            head = f"keep {away} (proven)"
         then = f"  Then {self.speeds} of the tip, in any directions, exceed no joint speed limit"
-        lines += ["", then] if math.isfinite(self.sigma_min) else [""]
+        lines = [f"{self.arm.name}: {where}{head}", "", *[then] * found]
         for name in kept:
-            found = self.exceeding[name]
-            short = (
-                f"a limit is exceeded at {far(found)}"
-                if found
-                else "no configuration found that exceeds one"
-            )
+            short = "no configuration found that exceeds one"
+            if self.exceeding[name]:
+                short = f"a limit is exceeded at {far(self.exceeding[name])}"
             lines.append(f"  {self.titles[name]}: {far(self.distances[name])}; {short}")
-        short = f"; a limit is exceeded at {far(exceeded)}" if exceeded else ""
+        short = f"; a limit is exceeded at {far(exceeded)}" * bool(exceeded)
         lines.append(f"  One distance for all: {far(self.common)}{short}")
-        if math.isfinite(self.sigma_min):
+        if found:
             lines.append(
                 f"  Outside: sigma_min down to {self.sigma_min:.3g} (at least "
                 f"{self.sigma_min_proven:.3g}, proven), condition number up to "
                 f"{self.condition_number:.3g} (found)"
             )
-        return "\n".join([*lines, *(f"note: {n}" for n in self.notes)])
+        return "\n".join([*lines, *notes])
 
 
 def zone_distances(
@@ -413,11 +408,13 @@ def bounds_of(
     judge = speed_judge(arm, linear, angular, joint_speeds)
     arm = judge.arm
     missing = [n for n, c in zip(arm.joints, judge.limits, strict=True) if not math.isfinite(c)]
-    if missing:
-        raise OptionError(f"no speed limit is known of {listed(missing)}: give joint_speeds")
+    OptionError.refuse_if(
+        missing, f"no speed limit is known of {listed(missing)}: give joint_speeds"
+    )
     travel = _travel(arm, arm.lower, arm.upper)
-    if not np.isfinite(travel).all():
-        raise OptionError(f"{arm.name} has a prismatic joint without limits")
+    OptionError.refuse_if(
+        not np.isfinite(travel).all(), f"{arm.name} has a prismatic joint without limits"
+    )
     return SpeedBounds(judge, linear, angular, travel)
 
 
@@ -485,11 +482,11 @@ class Region:
 
     def _require_postures(self, what: str) -> None:
         """Raise unless the words are names of postures, and each ends at families only."""
-        if not self.form.complete or self.arm.task.name != "pose":
-            raise OptionError(
-                f"{what} {listed(self.posture)}: a posture needs a complete closed form of the "
-                "task pose"
-            )
+        OptionError.refuse_if(
+            not self.form.complete or self.arm.task.name != "pose",
+            f"{what} {listed(self.posture)}: a posture needs a complete closed form of the task "
+            "pose",
+        )
         geometry = self.form.geometry
         names = () if geometry is None else posture_names(geometry, random_turns(self.arm, 200))
         known = sorted({name for each in names for name in each})
@@ -497,11 +494,13 @@ class Region:
         if what == "within":
             hint = f"limits, {hint}, ranges such as q3=0.7..2.4 (radians) or z=0.1..0.5"
         for word in self.posture:
-            if word not in known:
-                raise OptionError(f"{what} {word!r}: of {self.arm.name} it may be {hint}")
-        kinds = [word.split()[0] for word in self.posture]
-        if len(set(kinds)) < len(kinds):
-            raise OptionError(f"{what}: no posture is {' and '.join(self.posture)}")
+            OptionError.refuse_if(
+                word not in known, f"{what} {word!r}: of {self.arm.name} it may be {hint}"
+            )
+        kinds = {word.split()[0] for word in self.posture}
+        OptionError.refuse_if(
+            len(kinds) < len(self.posture), f"{what}: no posture is {' and '.join(self.posture)}"
+        )
 
     def _narrowed(self, name: str, a: float, b: float) -> str:
         """Set one range, and return it in words."""
