@@ -38,13 +38,6 @@ PINSING_INLINE void add_sizes(const One* x, int count, One times, One* out) {
     for (int i = 0; i < count; i++) out[i] += vabs(x[i]) * times;
 }
 
-// a x b, added to out; the parts of each are `stride` apart.
-PINSING_INLINE void add_cross(const One* a, int sa, const One* b, int sb, One* out, int so) {
-    out[0] += a[sa] * b[2 * sb] - a[2 * sa] * b[sb];
-    out[so] += a[2 * sa] * b[0] - a[0] * b[2 * sb];
-    out[2 * so] += a[0] * b[sb] - a[sa] * b[0];
-}
-
 struct BoxOfSpeeds {
     using Row = One[kSpeedColumns];
     using Wide = One[6 * kSpeedColumns];

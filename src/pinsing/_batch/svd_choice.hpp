@@ -40,39 +40,22 @@ static __attribute__((noinline)) void roots_or_rotations(const V* q, const V* e,
     }
 }
 
-// Roots take longer than rotations for two values.
-constexpr int kFewestRoots = 3;
-
 // Matrices of up to eight columns, most arms', have code of their own.
-template <int K>
-static Svd svd_of_rank(int columns) {
-    Bidiagonalise b = &bidiagonalise<K, 0>;
-    if constexpr (K >= 3) {
-        switch (columns) {
-            case 3: if constexpr (K <= 3) b = &bidiagonalise<K, 3>; break;
-            case 4: if constexpr (K <= 4) b = &bidiagonalise<K, 4>; break;
-            case 5: if constexpr (K <= 5) b = &bidiagonalise<K, 5>; break;
-            case 6: b = &bidiagonalise<K, 6>; break;
-            case 7: b = &bidiagonalise<K, 7>; break;
-            case 8: b = &bidiagonalise<K, 8>; break;
-            default: break;
-        }
-    }
-    if constexpr (K >= kFewestRoots) return Svd{K, columns, b, &roots_or_rotations<K>};
-    return Svd{K, columns, b, &by_rotations<K>};
+template <int K, int L = 8>
+static Bidiagonalise bidiagonalise_of(int columns) {
+    if constexpr (L < K || K < 3) return &bidiagonalise<K, 0>;
+    else return columns == L ? &bidiagonalise<K, L> : bidiagonalise_of<K, L - 1>(columns);
 }
 
 // Of an m x n matrix, taken with its smaller side first.
+template <int K = kMaxRank>
 static Svd svd_of(int m, int n) {
     const int columns = m < n ? n : m;
-    switch (m < n ? m : n) {
-        case 1: return svd_of_rank<1>(columns);
-        case 2: return svd_of_rank<2>(columns);
-        case 3: return svd_of_rank<3>(columns);
-        case 4: return svd_of_rank<4>(columns);
-        case 5: return svd_of_rank<5>(columns);
-        default: return svd_of_rank<6>(columns);
-    }
+    if constexpr (K > 1)
+        if ((m < n ? m : n) < K) return svd_of<K - 1>(m, n);
+    Values values = &by_rotations<K>;
+    if constexpr (K >= 3) values = &roots_or_rotations<K>;  // which take longer for two values
+    return Svd{K, columns, bidiagonalise_of<K>(columns), values};
 }
 
 // Rows of the task, each times its factor, as such a matrix.

@@ -33,10 +33,12 @@ static void ends_of_spectrum(const WalkTask& w, const V* q, V* J, V& first, V& l
     last = S[w.rank - 1];
 }
 
-PINSING_INLINE void cross_into(const V* a, const V* b, V* sum) {
-    sum[0] += a[1] * b[2] - a[2] * b[1];
-    sum[1] += a[2] * b[0] - a[0] * b[2];
-    sum[2] += a[0] * b[1] - a[1] * b[0];
+// a x b, added to out; the parts of each are so many places apart.
+template <class T>
+PINSING_INLINE void add_cross(const T* a, int sa, const T* b, int sb, T* out, int so) {
+    out[0] += a[sa] * b[2 * sb] - a[2 * sa] * b[sb];
+    out[so] += a[2 * sa] * b[0] - a[0] * b[2 * sb];
+    out[2 * so] += a[0] * b[sb] - a[sa] * b[0];
 }
 
 // u^T (dJ v / dq_j) for every joint, with u (6,) and v (n,): columns of later joints turn with joint
@@ -54,9 +56,9 @@ static void derivative_along(const V* J, int n, const V* u, const V* v, V* out) 
             earlier[r] -= v[j] * J[(3 + r) * n + j];
             turning[r] = moving[r] = broadcast(0.0);
         }
-        cross_into(later, u, turning);
-        cross_into(later + 3, u + 3, turning);
-        cross_into(u, earlier, moving);
+        add_cross(later, 1, u, 1, turning, 1);
+        add_cross(later + 3, 1, u + 3, 1, turning, 1);
+        add_cross(u, 1, earlier, 1, moving, 1);
         V sum = broadcast(0.0);
         for (int r = 0; r < 3; r++)
             sum += J[(3 + r) * n + j] * turning[r] + J[r * n + j] * moving[r];
@@ -195,6 +197,6 @@ static void walk_block(const WalkTask& w, V* q, const V* free, V& taken, V& rest
         rest = select(active, select(still, one, zero), rest);
         active = active & ~((ratio <= w.floor) | still | ((ratio <= w.good) & ~improved));
     }
-    // Singular values that did not settle are left to who asked.
+    // Where numbers overflow the end means nothing: that is left to who asked.
     taken = select((first <= kHuge) & (last <= kHuge), taken, broadcast(-1.0));
 }
