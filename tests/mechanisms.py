@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from node import run
+from node import ask
 
 from pinsing.loops import MechanismAnalysis, PoseEquation, PoseForms, analyze_mechanism
 from pinsing.loops.closure import at_zero, plane_normal
@@ -40,8 +40,7 @@ def data_of(mechanism: Mechanism) -> dict[str, Any]:
 
 def asked(mechanism: Mechanism, code: str, **more: Any) -> Any:
     """What an expression is in the page's engine: it sees ``m``, ``data`` and more by name."""
-    return run(f"(m, {{ {', '.join(['data', *more])} }}) => {code}",
-               {"data": data_of(mechanism), **more})  # fmt: skip
+    return ask(code, data=data_of(mechanism), **more)
 
 
 def placed(mechanism: Mechanism, q: np.ndarray) -> pin.Data:

@@ -39,3 +39,8 @@ def run(code: str, data: Any) -> Any:
     )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
+
+
+def ask(code: str, **seen: Any) -> Any:
+    """What an expression is in the page's engine: it sees ``m``, and what is given by name."""
+    return run(f"(m, {{ {', '.join(seen)} }}) => {code}", seen)

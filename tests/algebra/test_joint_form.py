@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from command_line import run as pinsing_command
 from dh_arms import CRX, GOFA, dh_arm
-from node import needs_node, run
+from node import ask, needs_node
 from printed import value_of
 from singular_sets import terms
 from tiers import sampled, tiered
@@ -269,9 +269,7 @@ def test_the_page_says_the_pitch_of_the_pose_shown() -> None:
     entries = family_entries(arm, form.families, 1)
     Q = family.sample(4, np.random.default_rng(6))  # no pitch within rounding of a line's, zero
     data = engine_data(arm, entries, sizes(arm))
-    shown = run(
-        "(m, {data, Q}) => Q.map((q) => m.frameAt(data, q))", {"data": data, "Q": Q.tolist()}
-    )
+    shown = ask("Q.map((q) => m.frameAt(data, q))", data=data, Q=Q)
     pitches = set()
     for q, here in zip(Q, shown, strict=True):
         (said,), (told,) = here["why"], [d.reason for d in pinsing.at(arm, q).dependences]

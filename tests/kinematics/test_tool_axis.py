@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 from arms import differences
 from command_line import run
-from node import needs_node, run as in_node
+from node import ask, needs_node
 from tiers import tiered
 from urdf_text import J, Y, Z, urdf
 
@@ -150,10 +150,8 @@ def test_the_page_computes_the_same(task, rng):
     Q = np.concatenate(
         [arm.space.sample(20, rng), *(f.sample(3, rng) for f in pinsing.closed_form(arm).families)]
     )
-    found = in_node(
-        "(m, {data, Q}) => Q.map((q) => m.frameAt(data, q))",
-        {"data": engine_data(arm, (), sizes(arm)), "Q": Q.tolist()},
-    )
+    data = engine_data(arm, (), sizes(arm))
+    found = ask("Q.map((q) => m.frameAt(data, q))", data=data, Q=Q)
     for q, here in zip(Q, found, strict=True):
         there = pinsing.at(arm, q)
         np.testing.assert_allclose(here["sigma"], there.sigma, atol=1e-9)

@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 from arms import textbook
 from dh_arms import dh_text
-from node import needs_node, run
+from node import ask, needs_node, run
 from numpy.typing import NDArray
 from tiers import tiered
 from urdf_text import J, Y, Z, frame, urdf
@@ -77,12 +77,13 @@ def test_frames_singular_values_and_verdicts_agree(name: str, tmp_path: Path) ->
     Q = rng.uniform(*arm.span, (300, arm.n))
     for family in closed_form(arm, prove=False).families:
         Q = np.concatenate([Q, family.sample(20, rng)])
-    found = run(
-        """(m, {data, Q}) => Q.map((q) => {
+    found = ask(
+        """Q.map((q) => {
              const { places, tip, sigma, status, ratio } = m.measure(data, q);
              return { links: places.map(({ R, t }) => [...R.flat(), ...t]),
                       tip: [...tip.R.flat(), ...tip.t], sigma, status, ratio }; })""",
-        {"data": data, "Q": Q.tolist()},
+        data=data,
+        Q=Q,
     )
     sigma = singular_values(arm, Q)
     work = arm.model.createData()
@@ -110,9 +111,7 @@ def test_what_is_shown_is_what_python_shows(name: str, tmp_path: Path) -> None:
     for entry in entries:
         singular = entry.family.sample(1, rng)
         Q = np.concatenate([Q, singular, singular + rng.normal(0, 1e-3, singular.shape)])
-    found = run(
-        "(m, {data, Q}) => Q.map((q) => m.frameAt(data, q))", {"data": data, "Q": Q.tolist()}
-    )
+    found = ask("Q.map((q) => m.frameAt(data, q))", data=data, Q=Q)
     for q, here in zip(Q, found, strict=True):
         there = at(arm, q)
         hot = sorted({i for d in there.dependences for i in d.indices})
@@ -148,7 +147,7 @@ def test_what_is_shown_is_what_python_shows(name: str, tmp_path: Path) -> None:
 def test_a_tip_that_cannot_move_has_no_speed() -> None:
     data, _ = engine(load("planar3r", task="vx"))
     data["speeds"] = {"basis": [[1]], "linear": [True], "limits": [1, 1, 1], "asked": [0.2, 0.5]}
-    found = run("(m, data) => m.frameAt(data, [0, 0, 0]).speeds", data)
+    found = ask("m.frameAt(data, [0, 0, 0]).speeds", data=data)
     assert found["linear"]["speed"] == 0
 
 
@@ -164,11 +163,7 @@ def test_the_lower_bound_is_never_too_long(name: str) -> None:
     rng = np.random.default_rng(3)
     data, entries = engine(arm)
     Q = rng.uniform(-np.pi, np.pi, (8, arm.n))
-    found = run(
-        """(m, {data, Q}) => Q.map((q) => data.families.map((f) =>
-             m.distance(data, f, q)))""",
-        {"data": data, "Q": Q.tolist()},
-    )
+    found = ask("Q.map((q) => data.families.map((f) => m.distance(data, f, q)))", data=data, Q=Q)
     for k, entry in enumerate(entries):
         points = entry.family.points(1500, rng)
         for q, here in zip(Q, found, strict=True):
@@ -194,10 +189,10 @@ def test_a_path_is_read_as_it_stands() -> None:
         "1;2\n3;4",
         '"a"\t"b"\n1\t2e0\n3.\t4',
     ]
-    read = "(m, {texts, joints}) => texts.map((t) => m.parseTrajectory(t, joints))"
-    assert run(read, {"texts": texts, "joints": JOINTS}) == [[[1, 2], [3, 4]]] * len(texts)
-    texts = ["# units: rad\n0,1,2\n0.1,3,2"]
-    assert run(read, {"texts": texts, "joints": JOINTS}) == [[[1, 2], [3, 2]]]
+    texts.append("# units: rad\n0,1,2\n0.1,3,2")
+    *found, last = ask("texts.map((t) => m.parseTrajectory(t, joints))", texts=texts, joints=JOINTS)
+    assert found == [[[1, 2], [3, 4]]] * (len(texts) - 1)
+    assert last == [[1, 2], [3, 2]]
 
 
 @pytest.mark.slow
@@ -209,8 +204,8 @@ def test_what_a_path_crosses_between_its_samples_is_said() -> None:
 
     def crossed(*values: float) -> list[dict[str, Any]]:
         rows = [[*start[:joint], value, *start[joint + 1 :]] for value in values]
-        call = "(m, {d, rows}) => m.crossings(d.families, rows, d.joints, d.task.lengthScale)"
-        found: list[dict[str, Any]] = run(call, {"d": data, "rows": rows})
+        call = "m.crossings(d.families, rows, d.joints, d.task.lengthScale)"
+        found: list[dict[str, Any]] = ask(call, d=data, rows=rows)
         return [f for f in found if f["name"] == wrist["name"]]
 
     # The values of the branches are 0 and half a turn.
@@ -224,9 +219,9 @@ def test_what_a_path_crosses_between_its_samples_is_said() -> None:
         assert found == ([] if spots is None else [pytest.approx(spots)])
     # By the sign of an equation, also where it changes twice.
     family = {"name": "E", "branches": [{"values": [], "equations": [wave([[2]], [1], [0])]}]}
-    call = "(m, {f, rows}) => m.crossings([f], rows, [{prismatic: false}], 1)"
+    call = "m.crossings([f], rows, [{prismatic: false}], 1)"
     for rows, spots in [([[0.1], [3.1], [2.9]], [0.5]), ([[0.1], [6.2]], None)]:
-        found = run(call, {"f": family, "rows": rows})[0]["at"]
+        found = ask(call, f=family, rows=rows)[0]["at"]
         assert len(found) == (2 if spots is None else 1)
         angles = np.interp(found, range(len(rows)), [r[0] for r in rows])
         np.testing.assert_allclose(np.cos(angles), 0, atol=1e-9)
@@ -237,10 +232,11 @@ def test_what_a_path_crosses_between_its_samples_is_said() -> None:
 def test_paths_lead_in_and_along(name: str) -> None:
     arm = load(name)
     data, entries = engine(arm)
-    found = run(
-        """(m, {data, poses}) => data.families.map((f, k) => poses[k] && ({
+    found = ask(
+        """data.families.map((f, k) => poses[k] && ({
              into: m.into(data, f.moved, poses[k]), along: m.along(data, f, poses[k]) }))""",
-        {"data": data, "poses": [e.poses[0].tolist() if e.poses else None for e in entries]},
+        data=data,
+        poses=[e.poses[0] if e.poses else None for e in entries],
     )
     assert any(found)
     for entry, paths in zip(entries, found, strict=True):
@@ -263,11 +259,8 @@ def test_ticks_are_where_a_family_is_met_by_one_joint() -> None:
     arm = textbook("puma560")
     data, entries = engine(arm)
     q = [0.3, 0.2, 0.4, 0.5, 0.7, 0.1]
-    found = run(
-        """(m, {data, q}) => data.families.map((f) => q.map((_, j) =>
-             m.meetings(f, q, j, -Math.PI, Math.PI, false)))""",
-        {"data": data, "q": q},
-    )
+    each = "q.map((_, j) => m.meetings(f, q, j, -Math.PI, Math.PI, false))"
+    found = ask(f"data.families.map((f) => {each})", data=data, q=q)
     ticks = 0
     for entry, per_joint in zip(entries, found, strict=True):
         for j, values in enumerate(per_joint):
@@ -296,7 +289,7 @@ def test_singular_values_of_hard_matrices() -> None:
         if rng.random() < 0.4 and m > 1:
             A[-1] = A[0]
         cases.append(A)
-    found = run("(m, cases) => cases.map((A) => m.svd(A))", [A.tolist() for A in cases])
+    found = ask("cases.map((A) => m.svd(A))", cases=cases)
     for A, here in zip(cases, found, strict=True):
         sigma = np.linalg.svd(A, compute_uv=False)
         np.testing.assert_allclose(here["sigma"], sigma, atol=1e-14 * max(sigma[0], 1e-300) * 50)
@@ -308,7 +301,7 @@ def test_the_bundle_is_the_modules() -> None:
     """A script that says `Engine`; pages in a browser run it, too."""
     said = "[Object.keys(Engine), Engine.svd([[3, 0], [0, 4]]).sigma]"
     script = f"{engine_script()}; {said}"
-    names, sigma = run("(m, script) => (0, eval)(script)", script)
+    names, sigma = ask("(0, eval)(script)", script=script)
     assert {"frameAt", "svd", "distance", "into", "along", "meetings"} <= set(names)
     assert sigma == [4, 3]
 
@@ -326,9 +319,9 @@ def test_what_is_said_of_the_distance_is_no_more_than_is_known() -> None:
     bent = family(0, {"values": [], "equations": [both]})
     free = family(1, {"values": [], "equations": [slide]})
     asked = [[lone], [bent], [free], [lone, free]]
-    call = "(m, {data, asked, q, terms}) => asked.map((f) => m.nearestFamily(data, q, f, terms))"
+    call = "asked.map((f) => m.nearestFamily(data, q, f, terms))"
     given = {"data": data, "asked": asked, "q": [0.3, 0.9]}
-    found = run(call, {**given, "terms": 0})
+    found = ask(call, **given, terms=0)
     assert found[0]["text"] == "17.2° from F1: here"
     assert found[1]["text"].startswith("between ")
     assert found[1]["lower"] < found[1]["value"]
@@ -337,7 +330,7 @@ def test_what_is_said_of_the_distance_is_no_more_than_is_known() -> None:
     assert found[3]["text"].startswith("at most ")
     assert not found[1]["sure"]
     # With some work both bounds are one: the slide is 0.3 rad from where its angle is zero.
-    found = run(call, {**given, "terms": 20000})
+    found = ask(call, **given, terms=20000)
     assert [f["sure"] for f in found] == [True] * 4
     assert found[1]["text"] == "44° from F1: here"
     assert abs(found[2]["least"] - 0.3) < 1e-6
@@ -350,8 +343,8 @@ def test_equations_that_hold_at_once_bound_the_distance_together() -> None:
     data = {"joints": [{"prismatic": False}] * 5, "task": {"lengthScale": 1}}
     family = {"entry": 0, "name": "F1", "text": "here", "where": ["here"], "moved": [*range(5)]}
     family["branches"] = [{"values": [], "equations": both}]
-    given = {"data": data, "f": family, "q": [0.3, 0.4, -0.2, 0.5, 0.3]}
-    found = run("(m, {data, f, q}) => m.nearestFamily(data, q, [f], 30000)", given)
+    q = [0.3, 0.4, -0.2, 0.5, 0.3]
+    found = ask("m.nearestFamily(data, q, [f], 30000)", data=data, f=family, q=q)
     assert found["lower"] > 0.665
     assert found["value"] == pytest.approx(0.668069, abs=1e-6)
 
@@ -361,10 +354,7 @@ def test_the_distance_is_that_which_the_program_proves(name: str) -> None:
     arm = load(name)
     data, entries = engine(arm)
     Q = np.random.default_rng(4).uniform(*arm.span, (6, arm.n))
-    found = run(
-        "(m, {data, Q}) => Q.map((q) => m.nearestFamily(data, q, data.families, 3e6))",
-        {"data": data, "Q": Q.tolist()},
-    )
+    found = ask("Q.map((q) => m.nearestFamily(data, q, data.families, 3e6))", data=data, Q=Q)
     for q, here in zip(Q, found, strict=True):
         there = [e.family.distance(q) for e in entries if e.reachable is not False]
         assert here["sure"]
@@ -384,10 +374,8 @@ def test_only_singular_poses_count_where_equations_hold_at_others_too() -> None:
         "branches": [{"values": [], "equations": [wave(waves, [0.5, -0.5], [0, 0])]}],
     }  # fmt: skip
     asked = [[family], [{**family, "confirm": True}]]
-    either, own = run(
-        "(m, {data, asked, q}) => asked.map((f) => m.nearestFamily(data, q, f))",
-        {"data": data, "asked": asked, "q": q},
-    )
+    call = "asked.map((f) => m.nearestFamily(data, q, f))"
+    either, own = ask(call, data=data, asked=asked, q=q)
     assert either["text"] == "11.5° from F1: here"  # to where the arm is regular
     assert abs(own["value"] - 0.7) < 1e-6
     assert at(arm, own["q"]).singular
@@ -415,8 +403,7 @@ def test_what_is_lost_is_told_from_what_is_missing_everywhere(tmp_path: Path) ->
     rng = np.random.default_rng(6)
     singular = entries[0].family.sample(3, rng)
     Q = [*singular, *rng.uniform(arm.lower, arm.upper, (3, arm.n))]
-    asked = {"data": data, "Q": [q.tolist() for q in Q]}
-    found = run("(m, {data, Q}) => Q.map((q) => m.frameAt(data, q))", asked)
+    found = ask("Q.map((q) => m.frameAt(data, q))", data=data, Q=Q)
     for q, here in zip(Q, found, strict=True):
         assert here["mixed"] == 0
         assert len(here["always"]) == 2
@@ -442,10 +429,7 @@ def test_the_nearest_singular_pose_is_singular_and_within_the_limits() -> None:
     arm = load("stanford")
     data, entries = engine(arm)
     Q = np.random.default_rng(2).uniform(*arm.span, (6, arm.n))
-    found = run(
-        "(m, {data, Q}) => Q.map((q) => m.nearestSingular(data, q))",
-        {"data": data, "Q": Q.tolist()},
-    )
+    found = ask("Q.map((q) => m.nearestSingular(data, q))", data=data, Q=Q)
     for q, here in zip(Q, found, strict=True):
         assert arm.within_limits(here["q"])
         assert at(arm, here["q"]).singular
