@@ -2,11 +2,11 @@
 
 import functools
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from arms import URDF
 from node import ask
 
 from pinsing.loops import MechanismAnalysis, PoseEquation, PoseForms, analyze_mechanism
@@ -15,7 +15,6 @@ from pinsing.loops.pose_loci import variables_at
 from pinsing.robot.mechanism import Loop, Mechanism, load_mechanism
 from pinsing.view.mechanism_viewer import linkage_sizes, mechanism_data
 
-URDF = Path(__file__).parent.parent / "urdf"
 R1, R2, R3 = 1.2, 1.0, 0.8
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from arms import URDF
 from command_line import python, run, started
 from kernel import needs_kernel
 from tiers import sampled, tiered
@@ -24,8 +25,6 @@ from pinsing.report.arm_report import ArmInfo
 from pinsing.robot.load import load
 from pinsing.sampling.analyze import Analysis
 from pinsing.sampling.sweeps import load_npz
-
-URDF = Path(__file__).parent.parent / "urdf"
 
 
 class TestProcess:

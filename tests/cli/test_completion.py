@@ -7,11 +7,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from arms import URDF
 from click.shell_completion import BashComplete
 
 from pinsing.cli.app import command
-
-URDF = Path(__file__).parents[2] / "urdf"
 
 
 def offered(line: str) -> list[str]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from arms import URDF
 from command_line import run, started
 from tiers import sampled, tiered
 
@@ -87,7 +88,6 @@ def test_a_stream_that_others_have_set_not_to_wait(tmp_path: Path) -> None:
 
 # Every command -------------------------------------------------------------------------
 
-URDF = Path(__file__).parents[2] / "urdf"
 SHORT = ("analyze", "planar3r", "--levels", "1", "--samples", "5")
 PRINTING = {
     "list --info": ("list", "planar3r"),

@@ -3,15 +3,13 @@
 import importlib.util
 import re
 import sys
-from pathlib import Path
 
 import pytest
+from arms import URDF
 from command_line import run
 
 import pinsing
 from pinsing.errors import RobotFileError, UnknownNameError
-
-URDF = Path(__file__).parents[2] / "urdf"
 
 MUJOCO = """<mujoco model="two_links">
   <worldbody>

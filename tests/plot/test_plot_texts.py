@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from arms import URDF
 from command_line import run
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
@@ -16,8 +17,6 @@ from tiers import tiered_rows
 
 import pinsing
 from pinsing.loops.solve import trace
-
-URDF = Path(__file__).parents[2] / "urdf"
 
 
 def written(figure: Figure) -> list[tuple[str, Bbox]]:

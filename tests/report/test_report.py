@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from arms import textbook
+from arms import URDF, textbook
 from click.testing import CliRunner
 from tiers import tiered_rows
 
@@ -24,7 +24,6 @@ from pinsing.proximity.trajectory import summary
 from pinsing.report import document
 from pinsing.report.arm_report import arm_report, write_report
 
-URDF = Path(__file__).parents[2] / "urdf"
 _VOID = {"meta", "link", "img", "br", "input", "hr"}
 
 
