@@ -10,7 +10,6 @@ class LiveSource {
     this.opened = new Promise((resolve, reject) => {
       const address = new URL("live", location.href);
       address.protocol = address.protocol.replace("http", "ws");
-      address.hash = "";
       this.socket = new WebSocket(address);
       this.socket.onclose = () => {
         this.closed = true;
