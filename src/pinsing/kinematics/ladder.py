@@ -589,10 +589,16 @@ def _two_links(chain: ExactChain, places: tuple[int, ...]) -> SolutionStage:
     return SolutionStage("elbow", joint, value, said)
 
 
-def posture_names(geometry: Nominal, Q: Array) -> list[tuple[str, ...]]:
+def posture_names(geometry: Nominal | None, Q: Array) -> list[tuple[str, ...]]:
     """Names of the posture at configurations Q (N, n); empty where the field has none."""
-    ladder = ladder_of(geometry)
-    if ladder is None or ladder.point is None or ladder.chain.sign < 0 or not len(Q):
+    ladder = None if geometry is None else ladder_of(geometry)
+    if (
+        geometry is None
+        or ladder is None
+        or ladder.point is None
+        or ladder.chain.sign < 0
+        or not len(Q)
+    ):
         return [() for _ in Q]
     # The derivative of the cosine of the wrist's angle is negative while that grows.
     sign = -1 if geometry.arm.source.is_by("Fanuc") else 1

@@ -582,11 +582,11 @@ def _keys(found: Aspects, Q: Array) -> Ints:
     chosen = found._map
     assert chosen is not None
     key = np.zeros(Q.shape[:-1], dtype=np.int64)
-    for part in chosen.partition.parts:
+    for part in chosen.parts:
         for place, j in enumerate(part.joints):
             arcs = part.arcs[place]
             value = Q[..., j]
-            if chosen.partition.endless[j] and not arcs[0].circle:
+            if chosen.endless[j] and not arcs[0].circle:
                 low = arcs[0].low
                 value = low + np.mod(value - low, 2 * math.pi)
             key = key * (len(arcs) + 1) + np.searchsorted([a.high for a in arcs[:-1]], value)

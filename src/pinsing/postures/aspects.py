@@ -14,8 +14,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
-from itertools import islice, pairwise
+from dataclasses import dataclass, field
+from itertools import islice, pairwise, product
 from typing import ClassVar
 
 import numpy as np
@@ -27,8 +27,16 @@ from pinsing.interface import JsonResult, checked, typed
 from pinsing.kinematics.inverse import columns, regular_way
 from pinsing.kinematics.ladder import ladder_of, posture_names
 from pinsing.measures import PRACTICAL, ROUNDING, Array, ArrayLike
-from pinsing.postures.joint_map import Map, Part, Piece, make_map, require_same_families, toward
-from pinsing.proximity.clearance import Forms, each_of, quick, watch
+from pinsing.postures.joint_map import (
+    Map,
+    Piece,
+    Spot,
+    apart,
+    make_map,
+    require_same_families,
+    toward,
+)
+from pinsing.proximity.clearance import Forms, each_of, watch
 from pinsing.proximity.crossings import check_times, crossings_of, least_along, motion_of
 from pinsing.proximity.trajectory import AspectChange, angle_text
 from pinsing.robot.arm import Arm, ArmSummary
@@ -48,16 +56,16 @@ def sureness(forms: Forms) -> str:
 
 def missing(forms: Forms) -> list[str]:
     """Return the doubts about completeness, in sentences; empty where there are none."""
-    gaps = [g for form in each_of(forms) if not form.complete for g in form.gaps[:1]]
-    if sureness(forms) == NOT_COMPLETE:
+    every, sure = each_of(forms), sureness(forms)
+    if sure == PROVEN:
+        return []
+    if sure == NOT_COMPLETE:
+        gaps = [gap for form in every if not form.complete for gap in form.gaps[:1]]
         because = f" ({gaps[0]})" if gaps else ""
         return [f"the closed form is not complete{because}: a family that is missing may cut more"]
-    tried = [form.proof for form in each_of(forms) if form.proof and not form.proof.accepted]
-    if tried:
-        return [f"that no family is missing is probable: no certificate ({tried[0].reason})"]
-    if sureness(forms) == PROBABLE:
-        return ["that no family is missing is probable: no certificate was looked for"]
-    return []
+    tried = [form.proof.reason for form in every if form.proof and not form.proof.accepted]
+    why = f"no certificate ({tried[0]})" if tried else "no certificate was looked for"
+    return [f"that no family is missing is probable: {why}"]
 
 
 _OF_DESIGN = "aspects are of the design: where two walls meet this robot may pass between them"
@@ -284,33 +292,31 @@ class Aspects(JsonResult):
         stanford: 8 aspects within the joint limits, proven
         """
         where = "within the joint limits" if self.within_limits else "without joint limits"
+        plural = "s" * (self.lower != 1)
         if self.proven:
-            head = f"{self.lower} aspect{'s' * (self.lower != 1)} {where}, proven"
+            head = f"{self.lower} aspect{plural} {where}, proven"
             head += " for the design" * (_OF_DESIGN in self.notes)
             if self.word != PROVEN:
                 head += " for the families found; that these are all is probable"
         elif self.upper is None:
-            plural = "s" * (self.lower != 1)
             head = f"at least {self.lower} aspect{plural} {where}; how many more is not known"
         else:
             head = f"{self.lower} to {self.upper} aspects {where}"
         lines = [f"{self.arm.name}: {head}"]
-        cut = [p for p in self.parts if p.families]
-        for p in cut:
+        for p in (p for p in self.parts if p.families):
             count = f"{p.lower}" if p.lower == p.upper else f"{p.lower} to {p.upper}"
             lines.append(f"  {', '.join(p.joints)}: {count} ({', '.join(p.families)})")
         if len(self.listed) > self.lower:
             lines.append("  Regions of one sign that are listed apart may be one aspect")
         if len(self.listed) > 1:
             lines.append("")
-        for a in self.listed if len(self.listed) > 1 else ():
-            said = "; ".join(", ".join(words) for words in (a.names, a.where) if words)
-            lines.append(f"{a.number:>4}  {said}")
-            lines.append(f"      {typed(a.q, self.arm.prismatic, degrees, digits=4)}")
+            for a in self.listed:
+                said = "; ".join(", ".join(words) for words in (a.names, a.where) if words)
+                q = typed(a.q, self.arm.prismatic, degrees, digits=4)
+                lines += [f"{a.number:>4}  {said}", f"      {q}"]
         if self.listed and self.lower > len(self.listed):
             lines.append(f"(the first {len(self.listed)} of them)")
-        lines += [f"note: {n}" for n in self.notes]
-        return "\n".join(lines)
+        return "\n".join([*lines, *(f"note: {n}" for n in self.notes)])
 
 
 @checked
@@ -352,19 +358,16 @@ def aspects(forms: Forms, limits: bool = True, *, work: float = WORK) -> Aspects
     begin = time.monotonic()
     budget = Budget(math.inf, work)
     chosen = make_map(forms, limits, budget)
-    cut = chosen.partition
-    lower, upper = 1, 1
-    exact = cut.exact
     parts = []
-    for part, pieces in zip(cut.parts, chosen.pieces, strict=True):
+    for part, pieces in zip(chosen.parts, chosen.pieces, strict=True):
         # An equation is not zero on all of a box: one component at least, seen or not.
         low, high = (sum(max(1, getattr(p.found, k)) for p in pieces) for k in ("lower", "upper"))
-        exact &= all(p.found.closed for p in pieces)
-        lower, upper = lower * low, upper * high
         joints = tuple(chosen.watched.joints[j] for j in part.joints)
         parts.append(PartCount(joints, part.families, low, high))
+    lower, upper = (math.prod(getattr(p, k) for p in parts) for k in ("lower", "upper"))
+    exact = chosen.exact and all(p.found.closed for pieces in chosen.pieces for p in pieces)
     form = each_of(forms)[0]
-    notes = [*missing(forms), *of_design(forms), *dict.fromkeys(cut.notes)]
+    notes = [*missing(forms), *of_design(forms), *dict.fromkeys(chosen.notes)]
     if lower != upper and budget.over:
         notes.append(f"counting ended after {budget.allowed}")
     return Aspects(
@@ -373,8 +376,8 @@ def aspects(forms: Forms, limits: bool = True, *, work: float = WORK) -> Aspects
         lower=lower,
         upper=upper if exact else None,
         parts=tuple(parts),
-        listed=_listed(chosen, form),
-        families=cut.cutting,
+        listed=tuple(_listed(chosen, form)),
+        families=chosen.cutting.names,
         notes=tuple(notes),
         seconds=time.monotonic() - begin,
         word=sureness(forms),
@@ -389,40 +392,33 @@ def map_of(found: Aspects, forms: Forms) -> Map:
     return chosen
 
 
-def _listed(chosen: Map, form: ClosedForm) -> tuple[Aspect, ...]:
+def _listed(chosen: Map, form: ClosedForm) -> Iterator[Aspect]:
     """Aspects with the words of the field, which are those of their representatives."""
-    rng, found = np.random.default_rng(0), []
-    for place in islice(chosen.places(), LISTED):
+    rng = np.random.default_rng(0)
+    for place in islice(product(*chosen.components), LISTED):
         where: list[str] = []
         signs: dict[str, int] = {}
         Q = np.zeros((_EXAMPLES, chosen.watched.n))
-        parts = zip(chosen.partition.parts, chosen.pieces, place, strict=True)
-        for part, pieces, (box, component) in parts:
-            piece = pieces[box]
+        for piece, component in place:
             x = piece.examples(component)
-            drawn = np.append(0, rng.integers(0, len(x), _EXAMPLES - 1))
-            Q[:, list(part.joints)] = x[drawn]
-            where += _where(chosen, part, piece, component)
-            for surface, s in zip(part.surfaces, piece.signs(component), strict=True):
+            Q[:, list(piece.part.joints)] = x[np.append(0, rng.integers(0, len(x), len(Q) - 1))]
+            where += _where(chosen, piece, component)
+            for surface, s in zip(piece.part.surfaces, piece.signs(component), strict=True):
                 signs[surface.family] = signs.get(surface.family, 1) * s
-        clear = np.full(len(Q), math.inf)
-        if chosen.watched.families:
-            clear = quick(chosen.watched, Q).lower
+        clear = chosen.clearance(Q)
         best = int(np.argmax(clear))
-        found.append(Aspect(chosen.number(place), Q[best], float(clear[best]), tuple(where), signs))
-    if form.geometry is None or not found:
-        return tuple(found)
-    words = posture_names(form.geometry, np.array([a.q for a in found]))
-    return tuple(replace(a, names=names) for a, names in zip(found, words, strict=True))
+        (names,) = posture_names(form.geometry, Q[best, None])
+        number = chosen.number(place)
+        yield Aspect(number, Q[best], float(clear[best]), tuple(where), signs, names)
 
 
-def _where(chosen: Map, part: Part, piece: Piece, component: int) -> Iterator[str]:
-    for j, arc in zip(part.joints, piece.box, strict=True):
-        if len(part.arcs[part.joints.index(j)]) > 1:
+def _where(chosen: Map, piece: Piece, component: int) -> Iterator[str]:
+    part, signs = piece.part, piece.signs(component)
+    for j, arcs, arc in zip(part.joints, part.arcs, piece.box, strict=True):
+        if len(arcs) > 1:
             slides = bool(chosen.watched.prismatic[j])
             ends = f"{_end(arc.low, slides)} to {_end(arc.high, slides)}"
             yield f"{chosen.watched.joints[j]} in {ends}"
-    signs = piece.signs(component)
     for surface, s in zip(part.surfaces, signs, strict=True):
         if s:
             yield f"{surface.family} {'>' if s > 0 else '<'} 0"
@@ -484,41 +480,35 @@ def aspect_changes(
         not isinstance(forms, ClosedForm) and not len(forms),
         "forms must be a ClosedForm, or several of one arm: see closed_form",
     )
-    arm, geometry = each_of(forms)[0].arm, each_of(forms)[0].geometry
-    samples = watch(forms).check(Q)
+    form, samples = each_of(forms)[0], watch(forms).check(Q)
     ConfigurationError.refuse_if(
         samples.ndim != 2 or not len(samples),
-        f"a trajectory has shape (N, {arm.n}), one column a joint; got {samples.shape}",
+        f"a trajectory has shape (N, {form.arm.n}), one column a joint; got {samples.shape}",
     )
     times = check_times(t, len(samples))
     if len(samples) == 1:
         return ()
     if of is None:
-        inside = (samples >= arm.lower - 1e-9) & (samples <= arm.upper + 1e-9)
+        inside = (samples >= form.arm.lower - 1e-9) & (samples <= form.arm.upper + 1e-9)
         of = aspects(forms, bool(inside.all()))
-    chosen = map_of(of, forms)
-    met = crossings_of(chosen.cutting, motion_of(chosen.cutting, samples, times))
+    cutting = map_of(of, forms).cutting
+    met = sorted(crossings_of(cutting, motion_of(cutting, samples, times)), key=lambda e: e.t)
     # Share of the motion within which two meetings are one.
     alike = 1e-9 * max(float(times[-1] - times[0]), 1e-300)
-    groups: list[tuple[float, float, set[str]]] = []
-    for event in sorted(met, key=lambda e: e.t):
-        start, end, names = event.t, event.t_end, {event.family}
-        if groups and start - groups[-1][1] <= alike:
-            before = groups.pop()
-            start, end, names = before[0], max(before[1], end), before[2] | names
-        groups.append((start, end, names))
-    begin, until = [times[0], *(g[1] for g in groups)], [*(g[0] for g in groups), times[-1]]
+    ends = np.maximum.accumulate([event.t_end for event in met])
+    first = [k for k, event in enumerate(met) if not k or event.t - ends[k - 1] > alike]
+    groups = [met[i:j] for i, j in pairwise([*first, len(met)])]
+    begin = [times[0], *(ends[k - 1] for k in first[1:]), *ends[-1:]]
+    until = [*(group[0].t for group in groups), times[-1]]
     halfway = np.stack(
         [np.interp(np.add(begin, until) / 2, times, column) for column in samples.T], axis=1
     )
     sides = zip(halfway, begin, until, strict=True)
     numbers = [of.of(q) if b > a else None for q, a, b in sides]
-    words: list[tuple[str, ...]] = [()] * len(halfway)
-    if geometry is not None:
-        words = posture_names(geometry, halfway)
+    told = list(zip(numbers, posture_names(form.geometry, halfway), strict=True))
     changes = (
-        AspectChange(t, tuple(sorted(names)), numbers[k], numbers[k + 1], words[k], words[k + 1])
-        for k, (t, _, names) in enumerate(groups)
+        AspectChange(group[0].t, tuple(sorted({e.family for e in group})), a, b, before, after)
+        for group, ((a, before), (b, after)) in zip(groups, pairwise(told), strict=True)
     )
     return tuple(c for c in changes if None not in (c.before, c.after) and c.before != c.after)
 
@@ -535,7 +525,7 @@ def lowest(chosen: Map, Q: Array) -> float:
     """Least lower bound of the clearance at some points of a polyline."""
     share = np.linspace(0, 1, 24)
     fine = np.concatenate([a + share[:, None] * (b - a) for a, b in pairwise(Q)])
-    return float(quick(chosen.watched, fine).lower.min())
+    return float(chosen.clearance(fine).min())
 
 
 def shortened(
@@ -563,23 +553,16 @@ def shortened(
 
 def least(chosen: Map, path: Array) -> float:
     """Return a proven lower bound of the clearance of a polyline."""
-
-    def bounded(Q: Array) -> Array:
-        return quick(chosen.watched, Q).lower
-
-    lower, length = bounded(path), chosen.watched.length
-    if not chosen.watched.families:
-        return float("inf")
-    return least_along(path, lower, float(lower.min()), length, bounded, 200_000, 0.05)[0]
+    lower, length = chosen.clearance(path), chosen.watched.length
+    known = float(lower.min())
+    return least_along(path, lower, known, length, chosen.clearance, 200_000, 0.05)[0]
 
 
 def raised(chosen: Map, path: Array, lines: Iterator[int]) -> Array:
     """Return a clearer way between the same ends, where pushing its waypoints finds one."""
     # Along differences of the clearance; kept where its certified least clearance is larger. It is
     # never larger than that of the ends.
-    if not chosen.watched.families:
-        return path
-    most = float(quick(chosen.watched, path[[0, -1]]).lower.min())
+    most = float(chosen.clearance(path[[0, -1]]).min())
     best, bound = path, least(chosen, path)
     points, stride = _stations(chosen, path), _STRIDE
     for _ in range(8):
@@ -609,7 +592,7 @@ def beside(chosen: Map, path: Array) -> Array | None:
         return path
     points = _stations(chosen, path)
     bend = np.sin(np.pi * np.linspace(0, 1, len(points)))[:, None]
-    low, high = chosen.partition.low, chosen.partition.high
+    low, high = chosen.low, chosen.high
     rng = np.random.default_rng(0)
     for size in _ASIDE.tolist():
         for direction in rng.normal(size=(4, path.shape[1])):
@@ -638,17 +621,16 @@ def _pushed(chosen: Map, points: Array, most: float, stride: float) -> Array:
     out = points.copy()
     inner = out[1:-1]
     unit = 1 / chosen.watched.weight
-    low, high = chosen.partition.low, chosen.partition.high
+    low, high = chosen.low, chosen.high
     probe = _PROBE * np.diag(unit)
     for _ in range(4):
-        here = quick(chosen.watched, inner).lower
+        here = chosen.clearance(inner)
         near = np.flatnonzero(here < most)
         if not len(near):
             break
         x = inner[near]
         ahead, behind = (
-            quick(chosen.watched, (x[:, None, :] + s * probe).reshape(-1, x.shape[1])).lower
-            for s in (1, -1)
+            chosen.clearance((x[:, None, :] + s * probe).reshape(-1, x.shape[1])) for s in (1, -1)
         )
         slope = (ahead - behind).reshape(x.shape) / (2 * _PROBE)
         size = np.linalg.norm(slope, axis=1, keepdims=True)
@@ -823,9 +805,9 @@ def connect(
         + ("of " if found.within_limits else "not of ")
         + "the space within the limits; limits says otherwise",
     )
-    chosen = map_of(found, forms)
+    chosen, design = map_of(found, forms), of_design(forms)
     start, end = chosen.check(qa), chosen.check(qb)
-    here, there = (chosen.place(q) for q in (start, end))
+    here, there = chosen.place(start), chosen.place(end)
     a, b = (None if p is None else chosen.number(p) for p in (here, there))
     answer, path, sure = UNDECIDED, None, False
     singular = (chosen.on(start), chosen.on(end))
@@ -837,25 +819,24 @@ def connect(
     elif here is None or there is None:
         which = _which((here is None, there is None))
         notes.append(f"the aspect of {which} is undecided: a boundary is near")
-    elif any(map(chosen.apart, chosen.pieces, here, there)):
-        answer = DIFFERENT
-    elif opposite(forms, start, end):
-        answer, notes = DIFFERENT, [_SIGNS]
+    elif (parts := any(map(apart, here, there))) or opposite(forms, start, end):
+        answer, sure, notes = DIFFERENT, not design, [*[_SIGNS] * (not parts), *design]
     elif (path := _way(chosen, here, start, end, lines := iter(range(_LINES)))) is None:
         where = f"within aspect {a}" if a == b else f"from aspect {a} to {b}, perhaps one"
         notes.append(f"no path was found {where}")
     else:
         answer, path = SAME, raised(chosen, path, lines)
-        sure = sureness(forms) == PROVEN and not of_design(forms)
+        sure = sureness(forms) == PROVEN and not design
         if not sure and (sure := proven_regular(forms, path)):
             notes.append(_RANK)
         elif not sure:
             notes += [_KNOWN, *missing(forms)]
             if sureness(forms) == NOT_COMPLETE:
                 answer, path = UNDECIDED, None
-    if answer == DIFFERENT:
-        notes += of_design(forms)
-        sure = not of_design(forms)
+    clear = length = math.nan
+    if path is not None:
+        clear = least(chosen, path)
+        length = float(chosen.watched.length(np.diff(path, axis=0)).sum())
     return Connection(
         arm=found.arm,
         answer=answer,
@@ -863,10 +844,8 @@ def connect(
         end=end,
         aspects=(a, b),
         path=path,
-        clearance=np.nan if path is None else least(chosen, path),
-        length=np.nan
-        if path is None
-        else float(chosen.watched.length(np.diff(path, axis=0)).sum()),
+        clearance=clear,
+        length=length,
         within_limits=limits,
         notes=tuple(notes),
         proven=sure,
@@ -879,26 +858,24 @@ def _which(ends: Iterable[bool]) -> str:
 
 
 def _way(
-    chosen: Map, place: tuple[tuple[int, int], ...], start: Array, end: Array, lines: Iterator[int]
+    chosen: Map, place: tuple[Spot, ...], start: Array, end: Array, lines: Iterator[int]
 ) -> Array | None:
     """A polyline from start to end that is clear, part by part where a straight one is not."""
-    goal = toward(start, end, np.array(chosen.partition.endless))
-    path = np.stack([start, goal])
+    path = np.stack([start, toward(start, end, chosen.endless)])
     if chosen.clear(path):
         return beside(chosen, path)
     rows = [start]
-    parts = zip(chosen.partition.parts, chosen.pieces, place, strict=True)
-    for part, pieces, (box, component) in parts:
-        here, piece = rows[-1], pieces[box]
-        a, b = (chosen.on_arcs(part, piece.box, q) for q in (here, end))
+    for piece, _ in place:
+        here = rows[-1]
+        a, b = (chosen.on_arcs(piece, q) for q in (here, end))
         if a is None or b is None:
             return None
         if np.array_equal(a, b):
             continue
-        if (route := piece.route(component, a, b, chosen.clear_in(part, here))) is None:
+        if (route := piece.route(a, b, chosen.clear_in(piece.part, here))) is None:
             return None
         path = np.repeat(here[None], len(route), axis=0)
-        path[:, list(part.joints)] += route - a
+        path[:, list(piece.part.joints)] += route - a
         rows += list(shortened(chosen, path, chosen.clear, lines)[1:])
     path = shortened(chosen, np.array(rows), chosen.clear, lines)
     return beside(chosen, path) if chosen.clear(path) else None

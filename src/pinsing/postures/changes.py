@@ -16,10 +16,8 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
-from heapq import nsmallest
 from itertools import combinations, islice, pairwise, product
-from operator import itemgetter
-from typing import ClassVar, TypeAlias
+from typing import ClassVar
 
 import numpy as np
 
@@ -45,7 +43,7 @@ from pinsing.postures.aspects import (
     nearly,
     opposite,
 )
-from pinsing.postures.joint_map import Map, Part, Piece
+from pinsing.postures.joint_map import Map, Piece, Spot, apart
 from pinsing.proximity.clearance import require_forms_of
 from pinsing.proximity.line import LinePosture, check_line
 from pinsing.robot.arm import Arm, ArmSummary, summarize
@@ -72,10 +70,6 @@ class Copies:
     likely: tuple[Array, ...]
 
 
-_Choice: TypeAlias = tuple[int, float, tuple[float, ...], tuple[int, ...]]
-"""How many parts are in doubt, how far it is from the start, and values of some joints."""
-
-
 def whole_turns(chosen: Map, q: Array, start: Array, *, held: Collection[int] = ()) -> Copies:
     """Return the whole-turn copies of q (n,), and which are in the aspect of the start (n,)."""
     # Endless joints have none; ``held`` ones stay as in q, which is within the limits, perhaps by
@@ -87,72 +81,77 @@ def whole_turns(chosen: Map, q: Array, start: Array, *, held: Collection[int] = 
     if place is None or chosen.on(nearest):
         return Copies(total, 0, 0, nearest, (nearest,))
     joined, open_ = 1, 1
-    best: list[_Choice] = [(0, 0.0, (), ())]
-    for part, pieces, target in zip(chosen.partition.parts, chosen.pieces, place, strict=True):
-        some, apart = _told(chosen, part, pieces, target, nearest, start, each)
-        joined *= sum(not choice[0] for choice in some)
-        open_ *= math.prod(counts[j] for j in part.joints) - apart
-        near = nsmallest(_TRIED, some, key=itemgetter(0, 1))
-        sums = [(a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3]) for a in best for b in near]
-        best = nsmallest(_TRIED, sums, key=itemgetter(0, 1))
-    likely = [nearest.copy() for _ in best]
-    for copy, (_, _, values, joints) in zip(likely, best, strict=True):
-        copy[list(joints)] = values
+    likely, rank = nearest[None], np.zeros((1, 2))
+    for pieces, target in zip(chosen.pieces, place, strict=True):
+        joints = list(target[0].part.joints)
+        some, told = _told(chosen, pieces, target, nearest, start, each)
+        joined *= int((told[:, 0] == 0).sum())
+        open_ *= math.prod(counts[j] for j in joints) - int((told[:, 0] == 2).sum())
+        some, told = some[told[:, 0] < 2], told[told[:, 0] < 2]
+        sums = (rank[:, None] + told).reshape(-1, 2)
+        best = np.lexsort(sums.T[::-1])[:_TRIED]
+        before, here = np.divmod(best, max(1, len(told)))
+        likely, rank = likely[before], sums[best]
+        likely[:, joints] = some[here]
     return Copies(total, joined, total - open_, nearest, tuple(likely))
 
 
 def _values(
     chosen: Map, q: Array, start: Array, held: Collection[int]
-) -> tuple[list[int], list[list[float]]]:
+) -> tuple[list[int], list[Array]]:
     """How many values each joint has within the limits; those nearest to the start, in order."""
-    cut = chosen.partition
-    counts, each = [], []
-    for j, (x, low, high) in enumerate(zip(q.tolist(), cut.low, cut.high, strict=True)):
-        first, last = 0, 0
-        if not (cut.endless[j] or chosen.watched.prismatic[j] or j in held):
-            first = math.ceil((low - ROUNDING - x) / math.tau)
-            last = math.floor((high + ROUNDING - x) / math.tau)
-        if last < first:  # outside the limits, whatever the turns
-            first, last = 0, 0
-        middle = min(max(round((start[j] - x) / math.tau), first), last)
-        turns = range(max(first, middle - _LOOKED // 2), min(last, middle + _LOOKED // 2) + 1)
-        values = [x + math.tau * k if k else x for k in turns]
-        if first < last:
-            values = [min(max(v, float(low)), float(high)) for v in values]
-        counts.append(last - first + 1)
-        each.append(sorted(values, key=lambda v, j=j: (round(abs(v - start[j]), 9), v)))  # type: ignore[misc]
-    return counts, each
+    still = chosen.endless | chosen.watched.prismatic | np.isin(np.arange(len(q)), list(held))
+    low, high = (
+        np.where(still, 0.0, x)
+        for x in (
+            np.ceil((chosen.low - ROUNDING - q) / math.tau),
+            np.floor((chosen.high + ROUNDING - q) / math.tau),
+        )
+    )
+    outside = high < low  # whatever the turns
+    first, last = (np.where(outside, 0, x).astype(np.int64) for x in (low, high))
+    middle = np.clip(np.round((start - q) / math.tau), first, last).astype(np.int64)
+    each = []
+    for j, x in enumerate(q):
+        turns = np.arange(
+            max(first[j], middle[j] - _LOOKED // 2), min(last[j], middle[j] + _LOOKED // 2) + 1
+        )
+        values = x + math.tau * turns
+        if first[j] < last[j]:
+            values = np.clip(values, chosen.low[j], chosen.high[j])
+        each.append(values[np.lexsort((values, np.round(np.abs(values - start[j]), 9)))])
+    return (last - first + 1).tolist(), each
 
 
 def _told(
     chosen: Map,
-    part: Part,
     pieces: tuple[Piece, ...],
-    target: tuple[int, int],
+    target: Spot,
     q: Array,
     start: Array,
-    each: list[list[float]],
-) -> tuple[list[_Choice], int]:
-    """Return values that a part does not separate from the start, and how many it does."""
-    # One that is in doubt may be separated.
-    joints = list(part.joints)
-    some, apart = [], 0
-    near = [list(each[j]) for j in joints]
+    each: list[Array],
+) -> tuple[Array, Array]:
+    """Return values (M, d) of the joints of a part, and (M, 2) what it tells, and how far they are.
+
+    It tells 0 where it does not separate them from the start, 1 where it may, 2 where it does.
+    """
+    joints = list(target[0].part.joints)
+    near = [each[j] for j in joints]
     while math.prod(map(len, near)) > _LOOKED:
         far = [
             abs(v[-1] - start[j]) if len(v) > 1 else -1.0 for j, v in zip(joints, near, strict=True)
         ]
-        near[int(np.argmax(far))].pop()
-    for values in product(*near):
-        copy = q.copy()
-        copy[joints] = values
-        at = chosen.located(part, pieces, copy)
-        if at is not None and chosen.apart(pieces, target, at):
-            apart += 1
-            continue
-        gap = round(float(np.sum((copy[joints] - start[joints]) ** 2)), 9)  # ties alike everywhere
-        some.append((int(at != target), gap, values, part.joints))
-    return some, apart
+        k = int(np.argmax(far))
+        near[k] = near[k][:-1]
+    values, told = np.array(list(product(*near))), []
+    for copy in values:
+        there = q.copy()
+        there[joints] = copy
+        spot = chosen.located(pieces, there)
+        sure = spot is not None and apart(target, spot)
+        told.append(2 if sure else int(spot != target))
+    gap = np.round(((values - start[joints]) ** 2).sum(axis=1), 9)  # ties alike everywhere
+    return values, np.column_stack([told, gap])
 
 
 _ITSELF = 1e-4
@@ -262,22 +261,24 @@ class PostureChanges(JsonResult):
         >>> print(found.text().splitlines()[0])
         scara: 1 other posture of this pose, reached only through a singularity (proven)
         """
+
+        def shown(q: Array) -> str:
+            return typed(q, self.arm.prismatic, degrees, digits=6)
+
         listed = [o for o in self.others if o.solution.regular]
         singular = [o for o in self.others if not o.solution.regular]
         here = [*self.names, *[f"aspect {self.aspect}"] * (self.aspect is not None)]
         lines = [f"{self.arm.name}: {self._answer(listed)}"]
-        if here:
-            lines.append(f"  This one: {', '.join(here)}")
+        lines += [f"  This one: {', '.join(here)}"] * bool(here)
         barred = all(other.answer == DIFFERENT for other in listed)  # which is said above
         for k, other in enumerate(listed, 1):
             how = f"aspect {other.aspect}" if barred else self._how(other)
-            called = ", ".join([*other.names, *[how] * bool(how)])
-            lines.append(f"  {k}  {called}".rstrip())
-            lines.append(f"     {typed(other.solution.q, self.arm.prismatic, degrees, digits=6)}")
+            called = ", ".join(filter(None, [*other.names, how]))
+            lines += [f"  {k}  {called}".rstrip(), f"     {shown(other.solution.q)}"]
             way = other.connection
             if way is not None and way.answer == SAME and way.path is not None:
-                for q in way.path[1:-1] if len(way.path) <= 8 else ():
-                    lines.append(f"       by {typed(q, self.arm.prismatic, degrees, digits=6)}")
+                by = way.path[1:-1] if len(way.path) <= 8 else ()
+                lines += [f"       by {shown(q)}" for q in by]
         copies = max((o.copies for o in listed if o.answer == DIFFERENT), default=1)
         if copies > 1:
             lines.append(
@@ -286,33 +287,31 @@ class PostureChanges(JsonResult):
         if singular:
             count = len(singular)
             more = f"examples, {count} found" if count > 1 or self.aspect is None else "one"
-            example = typed(singular[0].solution.q, self.arm.prismatic, degrees, digits=6)
-            lines += [f"  Singular solutions too ({more}), such as", f"     {example}"]
-        tail = [self.doubt] if self.doubt else []
-        tail = [f"note: {n}" for n in (*tail, *self.notes)]
-        return "\n".join([*lines, *([""] if tail else []), *tail])
+            lines.append(f"  Singular solutions too ({more}), such as")
+            lines.append(f"     {shown(singular[0].solution.q)}")
+        notes = [f"note: {n}" for n in (self.doubt, *self.notes) if n]
+        return "\n".join([*lines, *[""] * bool(notes), *notes])
 
     def _answer(self, others: list[PostureChange]) -> str:
         """Return how many others there are, and how many of them can be reached freely."""
-        count = len(others)
+        count, answers = len(others), [other.answer for other in others]
         head = f"{count} other posture{'s' * (count != 1)} of this pose"
         if self.aspect is None:
             return f"{head}; this one is singular or nearly so: no change from it is judged"
         if not count:
             return head
-        answers = [other.answer for other in others]
-        free, barred = answers.count(SAME), answers.count(DIFFERENT)
-        ways = [o.connection for o in others if o.answer == DIFFERENT]
-        sure = "proven" if all(way is None or way.proven for way in ways) else "of the design"
-        if barred == count:
+        ways = [o.connection for o in others if o.connection and o.answer == DIFFERENT]
+        sure = "proven" if all(way.proven for way in ways) else "of the design"
+        if len(ways) == count:
             all_ = "each " * (count > 1)
             return f"{head}, {all_}reached only through a singularity ({sure})"
-        said = [f"{free} reached without a singularity"]
-        said += [f"{barred} only through one ({sure})"] * bool(barred)
-        outside = sum(not o.solution.within_limits and o.connection is None for o in others)
-        said += [f"{outside} outside the limits"] * bool(outside)
-        rest = count - free - barred - outside
-        said += [f"{rest} undecided"] * bool(rest)
+        words = {
+            DIFFERENT: f"only through one ({sure})",
+            None: "outside the limits",
+            UNDECIDED: "undecided",
+        }
+        said = [f"{answers.count(SAME)} reached without a singularity"]
+        said += [f"{answers.count(a)} {how}" for a, how in words.items() if a in answers]
         return f"{head}: {', '.join(said)}"
 
     def _how(self, other: PostureChange) -> str:
@@ -411,23 +410,17 @@ def posture_changes(
             continue
         copies = whole_turns(chosen, s.q, here, held=held_at)
         # The sign of the determinant is that of all copies.
-        apart = opposite(form, here, copies.nearest)
+        barred = opposite(form, here, copies.nearest)
         ways: list[Connection] = []
-        for copy in (() if apart else copies.likely) or (copies.nearest,):
+        for copy in (() if barred else copies.likely) or (copies.nearest,):
             ways.append(connect(form, here, copy, limits=limits, of=found))
             if ways[-1].answer == SAME:
                 break
         way = ways[-1] if ways[-1].answer == SAME else ways[0]
+        joined, open_ = copies.joined, copies.total - copies.joined - copies.apart
+        told = (0, 0) if barred else (joined, open_)
         others.append(
-            PostureChange(
-                replace(s, q=way.end),
-                way.aspects[1],
-                way,
-                names,
-                copies.total,
-                0 if apart else copies.joined,
-                0 if apart else copies.total - copies.joined - copies.apart,
-            )
+            PostureChange(replace(s, q=way.end), way.aspects[1], way, names, copies.total, *told)
         )
     elsewhere = [j for j, x in held.items() if x != here[arm.joints.index(j)]]
     if elsewhere:
@@ -489,16 +482,12 @@ def _spare(arm: Arm, q: Array, more: int) -> tuple[int, ...]:
     sets = [middle, *islice(combinations(range(arm.n), more), 1000)]
     away = arm.space.sample(8, np.random.default_rng(0), True)
     J = columns(arm, np.concatenate([q[None], away]))
-    rank = generic_rank(arm)
-    measure = np.empty((len(sets), 2))
-    for k, held in enumerate(sets):
-        sizes = np.linalg.svd(np.delete(J, held, axis=2), compute_uv=False)
-        share = sizes[:, rank - 1] / sizes[:, 0]
-        measure[k] = share[0], float(np.median(share[1:]))
+    sizes = np.linalg.svd([np.delete(J, held, axis=2) for held in sets], compute_uv=False)
+    share = sizes[:, :, generic_rank(arm) - 1] / sizes[:, :, 0]
     # At a singular configuration no set is good there; then what counts is how it is elsewhere.
-    for column in measure.T:
-        if column.max() > _LITTLE:
-            return middle if column[0] > _LITTLE else sets[int(np.argmax(column))]
+    for good in (share[:, 0], np.median(share[:, 1:], axis=1)):
+        if good.max() > _LITTLE:
+            return middle if good[0] > _LITTLE else sets[int(good.argmax())]
     return middle
 
 
@@ -740,8 +729,7 @@ def cuspidality(
         require_forms_of(forms, arm)
     form = closed_form(arm) if forms is None else forms
     found = aspects(form, limits=False)
-    rng, notes = np.random.default_rng(seed), missing(form)
-    sure = form.word == PROVEN
+    sure, doubts = form.word == PROVEN, tuple(missing(form))
     most, tried, crowded = 0, 0, ""
     none = Cuspidality(
         arm=summarize(arm),
@@ -754,9 +742,9 @@ def cuspidality(
         aspects=found.lower if found.proven else None,
         most_solutions=0,
         poses=poses,
-        notes=tuple(notes),
+        notes=doubts,
     )
-    for k, q in enumerate(arm.space.sample(poses, rng, True)):
+    for k, q in enumerate(arm.space.sample(poses, np.random.default_rng(seed), True)):
         known = inverse(arm, tip_placement(arm, q).homogeneous, seed=seed, near=q)
         regular = [(found.of(s.q), s.q) for s in known if s.regular]
         most = max(most, len(regular))
@@ -776,7 +764,7 @@ def cuspidality(
                 reason, said = _WITNESS, [_RANK, *[_few(arm, error)] * (arm.n < len(arm.task.rows))]
             elif least < PRACTICAL:
                 # Too thin for the bound: the families stand for it, by their certificate.
-                proven, reason, said = sure, _CLEAR, [_THIN, *([] if sure else notes)]
+                proven, reason, said = sure, _CLEAR, [_THIN, *doubts]
             else:
                 continue
             return replace(
@@ -791,22 +779,18 @@ def cuspidality(
             )
     none = replace(none, most_solutions=most)
     if crowded:
-        said = [] if sure else notes
-        return replace(none, answer=CUSPIDAL, proven=sure, reason=crowded, notes=tuple(said))
+        return replace(none, answer=CUSPIDAL, proven=sure, reason=crowded, notes=doubts)
     if (ladder := ladder_of(nominal(arm))) is not None:
         # This stands on the chain alone, and not on the closed form.
-        said = [] if nominal(arm).exact else ["this is about the nominal geometry"]
-        return replace(
-            none, answer=NOT_CUSPIDAL, proven=True, reason=ladder.reason, notes=tuple(said)
-        )
+        about = () if nominal(arm).exact else ("this is about the nominal geometry",)
+        return replace(none, answer=NOT_CUSPIDAL, proven=True, reason=ladder.reason, notes=about)
     if tried:
-        reason = f"{tried} pairs of solutions share an aspect, and no path was found"
-        return replace(none, reason=reason)
-    if found.proven:
-        reason = (
-            f"of each pose all inverse solutions are in different ones of {found.lower} aspects"
+        none = replace(
+            none, reason=f"{tried} pairs of solutions share an aspect, and no path was found"
         )
-        return replace(none, reason=reason)
+    elif found.proven:
+        each = f"of each pose all inverse solutions are in different ones of {found.lower} aspects"
+        none = replace(none, reason=each)
     return none
 
 

@@ -34,7 +34,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise, product
@@ -43,7 +43,6 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.errors import ConfigurationError, OptionError
@@ -71,25 +70,6 @@ class Arc:
     # whether both ends are the same point: a joint that turns endlessly, and has no cut
     circle: bool = False
 
-    @property
-    def middle(self) -> float:
-        """A value well inside."""
-        if math.isfinite(self.low) and math.isfinite(self.high):
-            return (self.low + self.high) / 2
-        if math.isfinite(self.low):
-            return self.low + 1.0
-        return self.high - 1.0 if math.isfinite(self.high) else 0.0
-
-    def put(self, value: float, endless: bool, limits: tuple[float, float]) -> float | None:
-        """The value on this arc, by whole turns if the joint turns endlessly; None if it is off."""
-        if self.circle:
-            return value
-        if endless:
-            value += 2 * math.pi * math.ceil((self.low - value) / (2 * math.pi))
-        # Limits belong to joint space, and what lies on one is cut off by nothing.
-        on_limit = value in limits and value in (self.low, self.high)
-        return value if self.low < value < self.high or on_limit else None
-
 
 @dataclass(frozen=True, eq=False)
 class Surface:
@@ -109,47 +89,21 @@ class Part:
     surfaces: tuple[Surface, ...]  # equations in these joints
     families: tuple[str, ...] = ()  # what cuts them, by name
 
-    @property
-    def boxes(self) -> tuple[tuple[Arc, ...], ...]:
-        """Every choice of one arc of each joint."""
-        return tuple(product(*self.arcs))
 
-
-@dataclass(frozen=True, eq=False)
-class Partition:
-    """Joint space less what separates it, as a product of parts."""
-
-    parts: tuple[Part, ...]  # they share no joint
-    # low and high: (n,): ends of the joints: the limits, or infinite
-    low: Array
-    high: Array
-    endless: tuple[bool, ...]  # which joints are circles where nothing cuts them
-    exact: bool  # whether these are all that separates
-    notes: tuple[str, ...]  # what is not counted, or was taken for something else
-    cutting: tuple[str, ...]  # families that separate
-
-
-def partition(watched: Watched, limits: bool) -> Partition:
+def partition(watched: Watched, limits: bool) -> Map:
     """Cut joint space, within the limits or on whole circles, where slides are endless."""
-    n = watched.n
-    low = watched.lower if limits else np.full(n, -np.inf)
-    high = watched.upper if limits else np.full(n, np.inf)
-    endless = tuple(bool(b) for b in ~watched.prismatic & ~(np.isfinite(low) & np.isfinite(high)))
-    cuts: list[set[float]] = [set() for _ in range(n)]
-    cut_by: list[set[str]] = [set() for _ in range(n)]
+    n, cutting = watched.n, _separating(watched)
+    low, high = (watched.lower, watched.upper) if limits else np.full((2, n), [[-np.inf], [np.inf]])
+    endless = ~watched.prismatic & ~(np.isfinite(low) & np.isfinite(high))
+    cuts: list[tuple[int, float, str]] = []  # joint, value, and family
     surfaces: list[Surface] = []
     notes: list[str] = []
     exact = watched.complete
-    cutting: list[str] = []
-    for name, family in zip(watched.names, watched.families, strict=True):
-        if not family.real or family.codimension != 1:
-            continue
-        cutting.append(name)
+    for name, family in zip(cutting.names, cutting.families, strict=True):
         for branch in family.branches:
             if len(branch.values) == 1 and not branch.equations:
-                (cut,) = branch.values
-                cuts[cut.joint].add(cut.value)
-                cut_by[cut.joint].add(name)
+                (value,) = branch.values
+                cuts.append((value.joint, value.value, name))
             elif len(branch.equations) == 1 and not branch.values:
                 whole = len(family.branches) == 1 and watched.complete
                 surfaces.append(Surface(name, branch.equations[0], whole))
@@ -160,49 +114,53 @@ def partition(watched: Watched, limits: bool) -> Partition:
                 )
     arcs = []
     for j, name in enumerate(watched.joints):
-        found, at_limit = _arcs(
-            cuts[j], float(low[j]), float(high[j]), endless[j], bool(watched.prismatic[j])
-        )
+        values = {value for joint, value, _ in cuts if joint == j}
+        ends = float(low[j]), float(high[j])
+        found, at_limit = _arcs(values, *ends, bool(endless[j]), bool(watched.prismatic[j]))
         arcs.append(found)
         said = f"{name}: a singular value lies on the joint limit, within {PRACTICAL:g}"
         notes += [said] * at_limit
     parts = []
     for joints in _groups(n, surfaces):
         mine = tuple(s for s in surfaces if set(s.equation.involved) <= set(joints))
+        together = [joints]
         free = [j for j in joints if mine and any(math.isinf(a.high - a.low) for a in arcs[j])]
         if free:
             exact = False
             names = ", ".join(watched.joints[j] for j in free)
             notes.append(f"{names} has no limits: what equations separate is not counted")
-            parts += [Part((j,), (arcs[j],), (), tuple(sorted(cut_by[j]))) for j in joints]
-            continue
-        families = {s.family for s in mine}.union(*(cut_by[j] for j in joints))
-        parts.append(Part(joints, tuple(arcs[j] for j in joints), mine, tuple(sorted(families))))
-    return Partition(
-        tuple(parts), low, high, endless, exact, tuple(notes), tuple(dict.fromkeys(cutting))
-    )
+            mine, together = (), [(j,) for j in joints]
+        for some in together:
+            families = {s.family for s in mine}.union(name for j, _, name in cuts if j in some)
+            parts.append(Part(some, tuple(arcs[j] for j in some), mine, tuple(sorted(families))))
+    return Map(watched, cutting, tuple(parts), low, high, endless, exact, tuple(notes))
+
+
+def _separating(watched: Watched) -> Watched:
+    """The families of codimension 1: only they separate."""
+    keep = [i for i, f in enumerate(watched.families) if f.real and f.codimension == 1]
+    names, families = (watched.names[i] for i in keep), (watched.families[i] for i in keep)
+    # Sides are asked for, not distances: no margin.
+    return replace(watched, names=tuple(names), families=tuple(families), margin=None)
 
 
 def _arcs(
     cuts: set[float], low: float, high: float, endless: bool, slides: bool
 ) -> tuple[tuple[Arc, ...], bool]:
     """What is left of a joint, and whether a cut lies on one of its limits."""
-    turn, at_limit = 2 * math.pi, False
     if endless and not cuts:
         return (Arc(-math.pi, math.pi, True),), False
     if endless:
-        ends = sorted(math.remainder(c, turn) for c in cuts)
-        ends.append(ends[0] + turn)
-    else:
-        every = sorted(cuts)
-        if not slides:
-            turns = {c: ((low - c) / turn, (high - c) / turn) for c in cuts}
-            copies = {c: range(math.floor(a), math.ceil(b) + 1) for c, (a, b) in turns.items()}
-            every = sorted(c + turn * k for c in cuts for k in copies[c])
-        inside = [v for v in every if low + PRACTICAL < v < high - PRACTICAL]
-        at_limit = sum(low < v < high for v in every) > len(inside)
-        ends = [low, *inside, high]
-    return tuple(Arc(a, b) for a, b in pairwise(ends)), at_limit
+        ends = sorted(math.remainder(c, math.tau) for c in cuts)
+        return tuple(Arc(a, b) for a, b in pairwise([*ends, ends[0] + math.tau])), False
+    every = sorted(cuts)
+    if not slides:
+        turns = {c: ((low - c) / math.tau, (high - c) / math.tau) for c in cuts}
+        copies = {c: range(math.floor(a), math.ceil(b) + 1) for c, (a, b) in turns.items()}
+        every = sorted(c + math.tau * k for c in cuts for k in copies[c])
+    inside = [v for v in every if low + PRACTICAL < v < high - PRACTICAL]
+    at_limit = sum(low < v < high for v in every) > len(inside)
+    return tuple(Arc(a, b) for a, b in pairwise([low, *inside, high])), at_limit
 
 
 def _groups(n: int, surfaces: list[Surface]) -> list[tuple[int, ...]]:
@@ -262,8 +220,11 @@ class Plain(_OfArcs):
     found: Counts = Counts(lower=1, upper=1)
 
     def examples(self, component: int) -> Array:
-        """Points (K, d) of the component, its middle first."""
-        middle = np.array([a.middle for a in self.box])
+        """Points (K, d) of the component, its middle first; of a slide without an end near one."""
+        low, high = self.ends
+        known = np.isfinite(self.ends)
+        with np.errstate(invalid="ignore"):
+            middle = np.select([known.all(axis=0), *known], [(low + high) / 2, low + 1, high - 1])
         low, high = np.clip(self.ends, middle - 3, middle + 3)
         share = np.random.default_rng(0).uniform(0.05, 0.95, (63, len(middle)))
         return np.concatenate([middle[None], low + share * (high - low)])
@@ -276,7 +237,7 @@ class Plain(_OfArcs):
         """Every point is of the only component."""
         return 0
 
-    def route(self, component: int, a: Array, b: Array, clear: Clear) -> Array | None:
+    def route(self, a: Array, b: Array, clear: Clear) -> Array | None:
         """The straight line."""
         return np.stack([a, toward(a, b, self.circle)])
 
@@ -350,7 +311,7 @@ class Wheel(_OfArcs):
         top[..., self.hub] = top_of(self._terms, self.hub, x, s)
         return top
 
-    def route(self, component: int, a: Array, b: Array, clear: Clear) -> Array | None:
+    def route(self, a: Array, b: Array, clear: Clear) -> Array | None:
         """By way of the tops over a line in the other joints, or over lines round R = 0."""
         s, rng = float(np.sign(self._terms(a))), np.random.default_rng(0)
         goal, (low, high) = toward(a, b, self.circle), self.ends
@@ -358,11 +319,18 @@ class Wheel(_OfArcs):
             goal[self._odd.argmax()] += 2 * math.pi
         for attempt in range(12):
             middle = [low + (high - low) * rng.uniform(0.05, 0.95, len(a))] if attempt else []
-            points = [a, self._top(a, s)]
-            for stop in (*middle, goal):
-                if (way := self._follow(points[-1], stop, s, clear, 0)) is None:
+            points, stops = [a, self._top(a, s)], [(goal, 0), *((x, 0) for x in middle)]
+            while stops:  # the next one last, with how often the way there was halved
+                stop, depth = stops.pop()
+                here, there = points[-1], stop.copy()
+                there[self.hub] = here[self.hub]
+                end = self._top(there, s)
+                if abs(end[self.hub] - here[self.hub]) < 1.2 and clear(np.stack([here, end])):
+                    points.append(end)
+                elif depth > 9:
                     break
-                points += way
+                else:
+                    stops += [(there, depth + 1), ((here + there) / 2, depth + 1)]
             else:
                 end = goal.copy()
                 end[self.hub] = toward(points[-1], goal, self.circle)[self.hub]
@@ -370,23 +338,6 @@ class Wheel(_OfArcs):
                 if clear(path):
                     return path
         return None
-
-    def _follow(
-        self, here: Array, there: Array, s: float, clear: Clear, depth: int
-    ) -> list[Array] | None:
-        """Tops from one top to that over another point, close enough for straight lines."""
-        there = there.copy()
-        there[self.hub] = here[self.hub]
-        end = self._top(there, s)
-        if abs(end[self.hub] - here[self.hub]) < 1.2 and clear(np.stack([here, end])):
-            return [end]
-        if depth > 9:
-            return None
-        half = self._follow(here, (here + there) / 2, s, clear, depth + 1)
-        if half is None:
-            return None
-        rest = self._follow(half[-1], there, s, clear, depth + 1)
-        return None if rest is None else half + rest
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -603,6 +554,10 @@ class Divided(_OfArcs):
         x[:, self.hub] = np.mean(self._arcs(x), axis=0)
         return np.asarray(x[np.argsort(-np.abs(self.terms[0](x)), kind="stable")])
 
+    def _flat(self, x: Array) -> Array:
+        """A point without the hub."""
+        return x if self.hub is None else np.delete(x, self.hub)
+
     def _lifted(self, x: Array, hub: float | Array) -> Array:
         """Points (..., d) with the hub where it is given, of points of sections."""
         return x if self.hub is None else np.insert(x, self.hub, hub, axis=-1)
@@ -634,24 +589,15 @@ class Divided(_OfArcs):
     def _to_certain(self, x: Array, clear: Clear) -> tuple[int, Array] | None:
         """A certain place and a way (K, d) from x to a point in it, along the hub first."""
         if self.hub is None:
-            return self._on_section(0, x, clear)
+            return self._on_section(0, x[None], clear)
         low, high = self._arcs(x)
         inside = np.flatnonzero((self.cuts >= low) & (self.cuts <= high))
-        flat = np.delete(x, self.hub)
         for i in inside[np.argsort(np.abs(self.cuts[inside] - (low + high) / 2))].tolist():
-            cut = float(self._inset[i])
-
-            def on_cut(X: Array, cut: float = cut) -> bool:
-                return clear(self._lifted(X, cut))
-
-            if not clear(np.stack([x, self._lifted(flat, cut)])):
-                continue
-            if (way := self._on_section(i, flat, on_cut)) is None:
-                continue
-            place, points = way[0], self._lifted(way[1], cut)
+            way = np.stack([x, self._lifted(self._flat(x), self._inset[i])])
+            found = self._on_section(i, way, clear) if clear(way) else None
             # Signs that agree on both sides of the inset belong to one arc of the hub.
-            if np.sign(self.terms[0](points[-1])) == self.found.sign[place, 0]:
-                return place, np.concatenate([x[None], points])
+            if found and np.sign(self.terms[0](found[1][-1])) == self.found.sign[found[0], 0]:
+                return found
         return None
 
     def _inside(self, x: Array) -> Array:
@@ -668,21 +614,22 @@ class Divided(_OfArcs):
         hit = leaves.find(levels, np.clip((share * count).astype(np.int64), 0, count - 1))
         return int(hit[hit >= 0][0])
 
-    def _on_section(self, i: int, x: Array, clear: Clear) -> tuple[int, Array] | None:
-        """A certain place of section i and a way (K, d) on it from x to a point in it."""
-        (middles, _), circle = self.middles, self._ground.circle
-        here, first = self._inside(x), len(middles) * i
+    def _on_section(self, i: int, way: Array, clear: Clear) -> tuple[int, Array] | None:
+        """A certain place of section i, and a way (K, d), which ends there, on to a point in it."""
+        (middles, _), flat = self.middles, self._flat(way[-1])
+        here, first = self._inside(flat), len(middles) * i
         if self.found.label[place := first + self.box_of(here)] >= 0:
-            return place, x[None]
+            return place, way
         # The nearest ones where signs are the same.
         signs = [np.sign(t(here)) for t in self.found.layers[i].terms]
         places = slice(first, first + len(middles))
         same = (self.found.sign[places] == signs).all(axis=1)
         boxes = np.flatnonzero(same & (self.found.label[places] >= 0))
-        moves = toward(here, middles[boxes], circle) - here
+        moves = toward(here, middles[boxes], self._ground.circle) - here
         for k in np.argsort(np.linalg.norm(moves, axis=1))[:_LINES]:
-            if clear(way := np.stack([x, x + moves[k]])):
-                return first + int(boxes[k]), way
+            end = self._lifted(flat + moves[k], self._inset[i])
+            if clear(np.stack([way[-1], end])):
+                return first + int(boxes[k]), np.concatenate([way, end[None]])
         return None
 
     @cached_property
@@ -712,20 +659,18 @@ class Divided(_OfArcs):
             return None
         return there[: there.index(meet)] + back[: back.index(meet) + 1][::-1]
 
-    def route(self, component: int, a: Array, b: Array, clear: Clear) -> Array | None:
+    def route(self, a: Array, b: Array, clear: Clear) -> Array | None:
         """To a certain place, through others from middle to middle of boxes, and on from there."""
-        begin, end = self._to_certain(a, clear), self._to_certain(b, clear)
+        begin, end = (self._to_certain(x, clear) for x in (a, b))
         if begin is None or end is None:
             return None
         (first, start), (last, finish) = begin, end
         if (row := self._between(first, last)) is None:
             return None
         N, points = len(self.middles[0]), [*start]
-        for k, place in enumerate(row):
-            i, box = divmod(place, N)
-            here = points[-1] if self.hub is None else np.delete(points[-1], self.hub)
-            onward = self._onward(here, row[k - 1] % N if k else box, box)
-            points += [self._lifted(p, self._inset[i]) for p in onward]
+        for before, place in pairwise([first, *row]):
+            onward = self._onward(self._flat(points[-1]), before % N, place % N)
+            points += [self._lifted(p, self._inset[place // N]) for p in onward]
         shift = toward(points[-1], finish[-1], self.circle) - finish[-1]
         points += [p + shift for p in finish[::-1]]
         return np.array(points)
@@ -746,6 +691,8 @@ class Divided(_OfArcs):
 
 Piece: TypeAlias = Plain | Wheel | Divided
 """A box of arcs: ``examples`` and ``signs`` of its components, ``locate`` and ``route`` in them."""
+Spot: TypeAlias = tuple[Piece, int]
+"""One of the components of a piece."""
 
 
 def divided(
@@ -814,34 +761,33 @@ _PLURAL = {
 
 def _numbers(watched: Watched) -> dict[str, NDArray[Any]]:
     """What separates, number by number."""
-    branches = [f.branches for f in watched.families if f.real and f.codimension == 1]
-    flat = Conditions.of(branches, watched.prismatic, watched.weight).flat
+    flat = _separating(watched).conditions.flat
     return {**flat, "phase": np.exp(1j * flat["phase"])}  # -pi is pi
 
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """Joint space as a product of parts, each with its pieces: where a configuration is."""
+    """Joint space as a product of parts, each with its pieces: where a configuration is.
+
+    Low and high are the ends of the joints: the limits, or infinite.
+    """
 
     watched: Watched
-    partition: Partition
-    pieces: tuple[tuple[Piece, ...], ...]
+    cutting: Watched  # the families that separate
+    parts: tuple[Part, ...]  # they share no joint
+    low: Array  # (n,)
+    high: Array
+    endless: Bool  # (n,): which joints are circles where nothing cuts them
+    exact: bool  # whether these are all that separates
+    notes: tuple[str, ...]  # what is not counted, or was taken for something else
+    pieces: tuple[tuple[Piece, ...], ...] = ()  # of each part
 
     @cached_property
-    def cutting(self) -> Watched:
-        """The families that separate."""
-        keep = [i for i, n in enumerate(self.watched.names) if n in self.partition.cutting]
-        return replace(
-            self.watched,
-            names=tuple(self.watched.names[i] for i in keep),
-            families=tuple(self.watched.families[i] for i in keep),
-            margin=None,  # sides are asked for, not distances
+    def components(self) -> tuple[tuple[Spot, ...], ...]:
+        """All of each part."""
+        return tuple(
+            tuple((p, c) for p in pieces for c in range(p.found.upper)) for pieces in self.pieces
         )
-
-    @cached_property
-    def counts(self) -> tuple[int, ...]:
-        """Components of each part."""
-        return tuple(sum(p.found.upper for p in pieces) for pieces in self.pieces)
 
     def check(self, q: ArrayLike) -> Array:
         """A configuration (n,) within the limits that count."""
@@ -849,7 +795,7 @@ class Map:
         ConfigurationError.refuse_if(
             found.ndim != 1, f"one configuration is wanted, got shape {found.shape}"
         )
-        low, high = self.partition.low, self.partition.high
+        low, high = self.low, self.high
         for j in np.flatnonzero((found < low - 1e-9) | (found > high + 1e-9)):
             raise ConfigurationError(
                 f"joint {self.watched.joints[j]!r} is {found[j]:.6g}, outside its limits "
@@ -859,6 +805,10 @@ class Map:
                 limits=(float(low[j]), float(high[j])),
             )
         return np.clip(found, low, high)
+
+    def clearance(self, Q: Array) -> Array:
+        """Lower bounds of the distance of Q (N, n) to the families."""
+        return quick(self.watched, Q).lower if self.watched.families else np.full(len(Q), np.inf)
 
     def clear(self, Q: Array) -> bool:
         """Return True if a polyline (K, n) meets no family that separates, with proof."""
@@ -880,70 +830,56 @@ class Map:
         return self.watched.names[int(near.family[0])] if float(near.upper[0]) <= 1e-9 else ""
 
     def clear_in(self, part: Part, q: Array) -> Clear:
-        """The same for the joints of a part, with the others as in q."""
-        columns = list(part.joints)
+        """The same as `clear` for the joints of a part, with the others as in q."""
 
         def clear(X: Array) -> bool:
             Q = np.repeat(q[None], len(X), axis=0)
-            Q[:, columns] = X
+            Q[:, list(part.joints)] = X
             return self.clear(Q)
 
         return clear
 
-    def place(self, q: Array) -> tuple[tuple[int, int], ...] | None:
-        """Box and component of each part; None on a family, or where it cannot be told."""
+    def place(self, q: Array) -> tuple[Spot, ...] | None:
+        """Where it is in each part; None on a family, or where it cannot be told."""
         if self.on(q):
             return None
-        out = []
-        for part, pieces in zip(self.partition.parts, self.pieces, strict=True):
-            if (found := self.located(part, pieces, q)) is None:
-                return None
-            out.append(found)
-        return tuple(out)
+        found = [self.located(pieces, q) for pieces in self.pieces]
+        told = tuple(spot for spot in found if spot is not None)
+        return told if len(told) == len(found) else None
 
-    def located(self, part: Part, pieces: tuple[Piece, ...], q: Array) -> tuple[int, int] | None:
-        """Box and component of one part, of a configuration that is on no family."""
-        for box, piece in enumerate(pieces):
-            if (x := self.on_arcs(part, piece.box, q)) is not None:
-                component = piece.locate(x, self.clear_in(part, q))
-                return None if component is None else (box, component)
+    def located(self, pieces: tuple[Piece, ...], q: Array) -> Spot | None:
+        """Where a configuration that is on no family is in one part."""
+        for piece in pieces:
+            if (x := self.on_arcs(piece, q)) is not None:
+                component = piece.locate(x, self.clear_in(piece.part, q))
+                return None if component is None else (piece, component)
         return None
 
-    @staticmethod
-    def apart(pieces: tuple[Piece, ...], a: tuple[int, int], b: tuple[int, int]) -> bool:
-        """Return True if a part proves that two places are of different aspects."""
-        (box, one), (other_box, other) = a, b
-        if box != other_box or one == other:
-            return box != other_box
-        piece = pieces[box]
-        signs = zip(piece.signs(one), piece.signs(other), strict=True)
-        return piece.found.proven or any(s * t < 0 for s, t in signs)
-
-    def on_arcs(self, part: Part, box: tuple[Arc, ...], q: Array) -> Array | None:
+    def on_arcs(self, piece: Piece, q: Array) -> Array | None:
         """The values (d,) of q on a box of arcs, by whole turns; None if they are not on it."""
-        x = np.empty(len(box))
-        for k, (j, arc) in enumerate(zip(part.joints, box, strict=True)):
-            limits = float(self.partition.low[j]), float(self.partition.high[j])
-            put = arc.put(float(q[j]), self.partition.endless[j], limits)
-            if put is None:
-                return None
-            x[k] = put
-        return x
+        some, (low, high) = list(piece.part.joints), piece.ends
+        x = q[some]
+        turns = np.where(self.endless[some] & ~piece.circle, np.ceil((low - x) / math.tau), 0.0)
+        x = x + math.tau * turns
+        # Limits belong to joint space, and what lies on one is cut off by nothing.
+        limit = ((x == self.low[some]) | (x == self.high[some])) & ((x == low) | (x == high))
+        return x if (piece.circle | limit | (low < x) & (x < high)).all() else None
 
-    def number(self, place: tuple[tuple[int, int], ...]) -> int:
+    def number(self, place: tuple[Spot, ...]) -> int:
         """Place in the list of aspects, from 1 on."""
         out = 0
-        for (box, component), pieces, count in zip(place, self.pieces, self.counts, strict=True):
-            out = out * count + sum(p.found.upper for p in pieces[:box]) + component
+        for spot, every in zip(place, self.components, strict=True):
+            out = out * len(every) + every.index(spot)
         return out + 1
 
-    def places(self) -> Iterator[tuple[tuple[int, int], ...]]:
-        """All of them, in order."""
-        each = [
-            [(b, c) for b, p in enumerate(pieces) for c in range(p.found.upper)]
-            for pieces in self.pieces
-        ]
-        return product(*each)
+
+def apart(a: Spot, b: Spot) -> bool:
+    """Return True if a part of joint space proves that two spots in it are of different aspects."""
+    (piece, one), (other, two) = a, b
+    if piece is not other or one == two:
+        return piece is not other
+    signs = zip(piece.signs(one), piece.signs(two), strict=True)
+    return piece.found.proven or any(s * t < 0 for s, t in signs)
 
 
 def _meets_none(watched: Watched, Q: Array) -> bool:
@@ -957,9 +893,9 @@ def make_map(forms: Forms, limits: bool, budget: Budget) -> Map:
     if margin is not None and margin.limits is not None and not limits:
         # Beyond the limits nothing is proven of a way, and balls reach from within.
         watched = replace(watched, margin=replace(margin, meeting=np.inf))
-    cut = partition(watched, limits)
-    scale = 1 / watched.weight
-    pieces = tuple(
-        tuple(make_piece(part, box, scale, budget) for box in part.boxes) for part in cut.parts
+    chosen, scale = partition(watched, limits), 1 / watched.weight
+    pieces = (
+        tuple(make_piece(part, box, scale, budget) for box in product(*part.arcs))
+        for part in chosen.parts
     )
-    return Map(watched, cut, pieces)
+    return replace(chosen, pieces=tuple(pieces))
