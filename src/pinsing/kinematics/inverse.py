@@ -294,18 +294,15 @@ def decomposed(
     chain = flatten(nominal(arm).arm)
     if chain.prismatic.any() or arm.coupling is not None or arm.n - (held is not None) != 6:
         return None
-    frames, at, signs = [], np.eye(4), np.ones(arm.n)
-    for j, (R, t) in enumerate(zip(chain.R, chain.t, strict=True)):  # axes along z, joints at zero
-        here = np.eye(4)
-        here[:3, :3], here[:3, 3] = R, t
-        at = at @ here
-        frames.append(at.copy())
+    R, t = (x[0] for x in joint_frames(chain, np.zeros((1, arm.n))))  # axes along z
+    signs = np.ones(arm.n)
+    for j in range(1, arm.n):
         # Of opposite axes EAIK takes one joint value for its negative.
-        if 0 < j < arm.n and frames[-1][:3, 2] @ frames[-2][:3, 2] < ROUNDING - 1:
-            frames[-1][:3, 1:3] *= -1
+        if signs[j - 1] * (R[j, :, 2] @ R[j - 1, :, 2]) < ROUNDING - 1:
             signs[j] = -1
+    R[:-1, :, 1:] *= signs[:, None, None]
     fixed = [] if held is None else [(held, value * signs[held])]
-    robot = HomogeneousRobot(np.array(frames), fixed_axes=fixed)
+    robot = HomogeneousRobot(homogeneous(t, R), fixed_axes=fixed)
     if not robot.hasKnownDecomposition():
         return None
 
@@ -316,6 +313,13 @@ def decomposed(
         return np.array(list(map(len, rows))), signs * Q, found
 
     return solutions
+
+
+def homogeneous(position: Array, rotation: Array) -> Array:
+    """Return matrices (..., 4, 4) of positions (..., 3) and rotations (..., 3, 3)."""
+    T = np.zeros((*position.shape[:-1], 4, 4))
+    T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = rotation, position, 1.0
+    return T
 
 
 @dataclass(frozen=True, eq=False)
@@ -472,36 +476,29 @@ class FoundSolutions:
 
     def __init__(self, solver: Solver) -> None:
         self.solver, self.arm = solver, solver.arm
-        self.q: list[Array] = []
-        self.left: list[float] = []
-        self.measure: list[float] = []
-        self.sign: list[float] = []
-        self.hits: list[int] = []
+        numbers = [(name, float) for name in ("left", "measure", "sign", "hits")]
+        self.met = np.empty(0, [("q", float, (solver.arm.n,)), *numbers])
 
     def add(self, Q: Array, left: Array) -> None:
         """Sort reached configurations into known and new ones."""
         # Close ones are one, unless both are regular and their determinants differ in sign: near a
         # singularity solutions come in such pairs.
-        Q, signs = self.arm.space.wrap(Q), np.zeros(len(Q))
-        measure = self._measure(Q)
+        new = np.zeros(len(Q), self.met.dtype)
+        new["q"], new["left"], new["hits"] = self.arm.space.wrap(Q), left, 1
+        new["measure"] = self._measure(new["q"])
         if len(self.solver.task.rows) == len(self.solver.free):  # elsewhere it is noise
-            signs = np.where(measure > ALIKE, self.solver.signs(Q), 0.0)
-        for q, *rest in zip(Q, left.tolist(), measure.tolist(), signs.tolist(), strict=True):
-            if self.q:
-                gap = np.abs(self.arm.space.wrap(np.array(self.q) - q)).max(axis=1)
-                gap[np.array(self.sign) * rest[2] < 0] = np.inf
-                k = int(np.argmin(gap))
-                if gap[k] < 1e-4:
-                    self.hits[k] += 1
-                    if rest[0] < self.left[k]:
-                        self.q[k] = q
-                        self.left[k], self.measure[k], self.sign[k] = rest
-                    continue
-            if len(self.q) < 4096:
-                self.q.append(q)
-                self.hits.append(1)
-                for known, value in zip((self.left, self.measure, self.sign), rest, strict=True):
-                    known.append(value)
+            new["sign"] = np.where(new["measure"] > ALIKE, self.solver.signs(new["q"]), 0.0)
+        for one in new:
+            gap = np.abs(self.arm.space.wrap(self.met["q"] - one["q"])).max(axis=1)
+            gap[self.met["sign"] * one["sign"] < 0] = np.inf
+            if gap.min(initial=np.inf) < 1e-4:
+                k = int(gap.argmin())
+                self.met["hits"][k] += 1
+                one["hits"] = self.met["hits"][k]
+                if one["left"] < self.met["left"][k]:
+                    self.met[k] = one
+            elif len(self.met) < 4096:
+                self.met = np.append(self.met, one)
 
     def _measure(self, Q: Array) -> Array:
         """sigma_r / sigma_1 (N,): where joints are held the less of the arm's and the others'."""
@@ -514,55 +511,47 @@ class FoundSolutions:
 
     def clear(self) -> bool:
         """Return True if there are some, and none is nearly double, as next to a singularity."""
-        return min(self.measure, default=0.0) > 1e-4
+        return len(self.met) > 0 and bool(self.met["measure"].min() > 1e-4)
 
     @property
     def lacking(self) -> int:
         """Return the number of missing solutions with a positive determinant; below 0: negative."""
         # If all free joints turn endlessly, joint space is compact and poses are not: the map has
         # degree zero, with as many regular solutions of either sign. Zero where that says nothing.
-        rows = self.solver.task.rows
+        rows, sign = self.solver.task.rows, self.met["sign"]
         square = len(rows) == len(self.solver.free) and (rows == POSE or max(rows) < 3)
-        if not self.q or not square or self.arm.prismatic[self.solver.free].any():
+        if not square or self.arm.prismatic[self.solver.free].any():
             return 0
-        return -round(sum(self.sign)) if all(self.sign) else 0
+        return -round(sign.sum()) if sign.all() else 0
 
     def settled(self) -> bool:
         """Return True if every regular solution was met several times, and none is missing."""
-        if not self.q or self.lacking:
-            return False
-        both = zip(self.hits, self.measure, strict=True)
-        return all(hits >= ENOUGH or measure <= ALIKE for hits, measure in both)
+        often = (self.met["hits"] >= ENOUGH) | (self.met["measure"] <= ALIKE)
+        return len(often) > 0 and bool(often.all()) and not self.lacking
 
     def judged(self) -> tuple[InverseSolution, ...]:
         """Return those within the limits first, best conditioned first; not all singular ones."""
-        if not self.q:
-            return ()
-        arm, held = self.arm, self.solver.held
-        Q = np.where(np.isnan(held), arm.fold(np.array(self.q)), held)
-        measure = np.array(self.measure)
-        regular: Bool = np.greater(measure, ALIKE)
+        arm, held, measure = self.arm, self.solver.held, self.met["measure"]
+        Q = np.where(np.isnan(held), arm.fold(self.met["q"]), held)
+        regular: Bool = measure > ALIKE
         outside: Bool = np.asarray(arm.space.outside(Q).any(axis=1))
         outside |= bool(np.any((held < arm.lower) | (held > arm.upper)))
-        sure = radii(self.solver, Q)
-        out, singular = [], 0
+        sure = np.where(regular, radii(self.solver, Q), math.inf)
         # Flips of a wrist are conditioned alike: rounding must not order them.
-        for k in np.lexsort((*np.round(Q.T[::-1], 6), -np.round(measure, 9), outside)):
-            singular += not regular[k]
-            if not regular[k] and singular > 32:
-                continue
-            out.append(
-                InverseSolution(
-                    q=Q[k],
-                    regular=bool(regular[k]),
-                    sigma_ratio=float(measure[k]),
-                    within_limits=not bool(outside[k]),
-                    met=self.hits[k],
-                    error=self.left[k],
-                    radius=float(sure[k]) if regular[k] else math.inf,
-                )
+        order = np.lexsort((*np.round(Q.T[::-1], 6), -np.round(measure, 9), outside))
+        few = np.cumsum(~regular[order]) <= 32
+        return tuple(
+            InverseSolution(
+                q=Q[k],
+                regular=bool(regular[k]),
+                sigma_ratio=float(measure[k]),
+                within_limits=not bool(outside[k]),
+                met=int(self.met["hits"][k]),
+                error=float(self.met["left"][k]),
+                radius=float(sure[k]),
             )
-        return tuple(out)
+            for k in order[regular[order] | few]
+        )
 
 
 def drawn(solver: Solver, count: int, rng: np.random.Generator, lacking: int) -> Array:
@@ -670,14 +659,13 @@ def inverse(
     first, known = starts, -1
     robot = decomposed(arm) if alone and arm.task.name == "pose" else None
     if robot is not None:
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = (np.eye(3) if rotation is None else rotation), position
-        _, said, (answer,) = robot(pose[None])
+        turned = np.eye(3) if rotation is None else rotation
+        _, said, (answer,) = robot(homogeneous(position, turned)[None])
         said = said[~np.array(answer.is_LS, dtype=bool)]  # in the sense of least squares only
         found.add(*solver.solve(said))
-        if len(said) == len(found.q) and found.clear():
+        if len(said) == len(found.met) and found.clear():
             # Share of the random starts that check solutions by EAIK: one in so many.
-            known, first = len(found.q), max(1, starts // 8)
+            known, first = len(found.met), max(1, starts // 8)
     if near is not None:
         own = arm.check_many(near, "near")
         found.add(*solver.solve(np.where(np.isnan(held), own, held), remember=True))
@@ -687,9 +675,8 @@ def inverse(
         Q = drawn(solver, count, rng, found.lacking)
         found.add(*solver.solve(Q, remember=True))
         made += count
-        if len(found.q) == known:
-            break
-        if (not found.q and made >= starts) or found.settled():
+        nothing = not len(found.met) and made >= starts
+        if len(found.met) == known or nothing or found.settled():
             break
         count = min(max(made, starts - made), most - made)
     solutions = found.judged()
@@ -710,7 +697,7 @@ def inverse(
         fixed={arm.joints[j]: float(held[j]) for j in np.flatnonzero(~np.isnan(held))},
         solutions=solutions,
         starts=made,
-        doubt="" if full or len(found.q) == known else _doubt(found, solutions, made),
+        doubt="" if full or len(found.met) == known else _doubt(found, solutions, made),
         notes=tuple(notes),
     )
 
@@ -824,12 +811,10 @@ class InverseMany:
 
         def solutions(part: Ints, value: float) -> Array:
             robot = decomposed(self.arm, self.held, value)
-            T = np.tile(np.eye(4), (len(part), 1, 1))
-            T[:, :3, :3], T[:, :3, 3] = rotation[part], position[part]
             if robot is None:
                 return np.full((len(part), 1, self.arm.n), np.nan)
             # Solutions in the sense of least squares are among them: forward kinematics tells.
-            counts, every, _ = robot(T)
+            counts, every, _ = robot(homogeneous(position[part], rotation[part]))
             Q = np.full((len(part), max(1, counts.max()), self.arm.n), np.nan)
             Q[np.arange(Q.shape[1]) < counts[:, None]] = every
             return self._verified(Q, position[part], rotation[part])
@@ -851,8 +836,7 @@ class InverseMany:
     ) -> Array:
         """Solve some nodes one by one, and follow their solutions over the grid, both ways."""
         N, G = position.shape[:2]
-        T = np.zeros((N, G, 4, 4))
-        T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = rotation, position, 1.0
+        T = homogeneous(position, rotation)
         rows = np.unique(np.linspace(0, N - 1, min(N, 5)).astype(int))
         columns = np.unique(np.linspace(0, G - 1, min(G, 9)).astype(int))
         nodes: dict[tuple[int, int], list[Array]] = {}
