@@ -403,14 +403,12 @@ class Point:
         shape = tuple(4 * d for d in _DEGREES)
         grid = np.stack(np.meshgrid(*(2 * np.pi / m * np.arange(m) for m in shape), indexing="ij"))
         values = self.discriminant(grid.reshape(2, -1).T).reshape(shape)
-        waves = np.fft.fft2(values) / values.size
-        rates, terms = [[0, 0]], [waves[0, 0].real]
-        for i in range(_DEGREES[0] + 1):
-            for j in range(-_DEGREES[1], _DEGREES[1] + 1):
-                if (i, j) > (0, 0):
-                    rates.append([i, j])
-                    terms.append(2 * waves[i, j])
-        return np.abs(terms), np.angle(terms), np.array(rates, float)
+        # Terms with j = 0 come twice, once with i and once with -i.
+        (most, last), waves = _DEGREES, np.fft.rfft2(values) / values.size
+        places = np.indices((2 * most + 1, last + 1)).reshape(2, -1)
+        i, j = places[0] - most, places[1]
+        terms = np.where(j > 0, 2, 1) * waves[i, j]
+        return np.abs(terms), np.angle(terms), np.stack([i, j], axis=1).astype(float)
 
 
 def ways_of(chain: ExactChain, w: Exacts) -> tuple[SolutionStage, ...] | None:
@@ -591,15 +589,12 @@ def _two_links(chain: ExactChain, places: tuple[int, ...]) -> SolutionStage:
 
 def posture_names(geometry: Nominal | None, Q: Array) -> list[tuple[str, ...]]:
     """Names of the posture at configurations Q (N, n); empty where the field has none."""
-    ladder = None if geometry is None else ladder_of(geometry)
-    if (
-        geometry is None
-        or ladder is None
-        or ladder.point is None
-        or ladder.chain.sign < 0
-        or not len(Q)
-    ):
-        return [() for _ in Q]
+    nameless: list[tuple[str, ...]] = [() for _ in Q]
+    if geometry is None or not nameless:
+        return nameless
+    ladder = ladder_of(geometry)
+    if ladder is None or ladder.point is None or ladder.chain.sign < 0:
+        return nameless
     # The derivative of the cosine of the wrist's angle is negative while that grows.
     sign = -1 if geometry.arm.source.is_by("Fanuc") else 1
     stays = sign * ladder.stages[-1].value(Q) < 0
