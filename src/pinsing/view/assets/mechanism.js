@@ -19,8 +19,6 @@ class MechanismApp extends App {
 
   compute(q) { return Engine.mechanismFrame(this.engine, q); }
 
-  familyOf() { return null; }
-
   inputs(q) { return this.engine.actuated.map((i) => q[i]); }
 
   // A dragged output keeps the rest of its pose.

@@ -149,20 +149,20 @@ export function generator(seed) {
 
 // Values of joint j, the others held at q, at which a family is met: ticks beside its slider.
 export function meetings(family, q, j, low, high, prismatic) {
-  const out = [];
-  for (const branch of family.branches) {
-    const mine = branch.values.find((v) => v.joint === j);
-    if (branch.values.some((v) => v.joint !== j && Math.abs(apart(q[v.joint], v.value, false)) > 1e-7)) continue;
-    if (mine && branch.equations.length === 0) {
-      const first = prismatic ? 0 : Math.ceil((low - mine.value) / FULL - 1e-9);
-      const last = prismatic ? 0 : Math.floor((high - mine.value) / FULL + 1e-9);
-      for (let k = first; k <= last; k++) {
-        const value = mine.value + k * FULL;
-        if (value >= low - 1e-9 && value <= high + 1e-9) out.push(value);
-      }
-    } else if (!mine && branch.equations.length === 1) out.push(...zerosAlong(branch.equations[0], q, j, low, high));
-  }
+  const out = family.branches.flatMap(({ values, equations }) => {
+    const mine = values.find((v) => v.joint === j);
+    if (values.some((v) => v !== mine && Math.abs(apart(q[v.joint], v.value, false)) > 1e-7)) return [];
+    if (mine) return equations.length ? [] : turnsOf(mine.value, low - 1e-9, high + 1e-9, prismatic);
+    return equations.length === 1 ? zerosAlong(equations[0], q, j, low, high) : [];
+  });
   return [...new Set(out.map((v) => Math.round(v * 1e9) / 1e9))].sort((a, b) => a - b);
+}
+
+// What a joint at a value is, by whole turns for a revolute one, within a range.
+function turnsOf(value, low, high, prismatic) {
+  if (prismatic) return value >= low && value <= high ? [value] : [];
+  const first = Math.ceil((low - value) / FULL), last = Math.floor((high - value) / FULL);
+  return Array.from({ length: Math.max(0, last - first + 1) }, (_, k) => value + (first + k) * FULL);
 }
 
 // Zeros of an equation as joint j alone goes from low to high: split where the curvature bound
@@ -207,31 +207,23 @@ const LOOK = 0.05, MOST = 64; // radians, or length scales, between two looks; t
 export function crossings(families, rows, joints, lengthScale) {
   const out = [];
   for (const family of families) {
-    const found = family.reachable === false ? [] : family.branches.flatMap((branch) => crossedBy(branch, rows, joints, lengthScale));
+    const single = family.reachable === false ? [] : family.branches.filter((b) => b.values.length + b.equations.length === 1);
+    const found = single.flatMap((branch) => crossedBy(branch, rows, joints, lengthScale));
     if (found.length) out.push({ name: family.name, at: found.sort((a, b) => a - b) });
   }
   return out;
 }
 
-function crossedBy({ values, equations }, rows, joints, lengthScale) {
-  if (values.length + equations.length !== 1) return [];
-  const [fixed] = values, out = [];
-  for (let k = 1; k < rows.length; k++) {
-    const a = rows[k - 1], b = rows[k];
-    const parts = fixed ? passed(a[fixed.joint] - fixed.value, b[fixed.joint] - fixed.value, joints[fixed.joint].prismatic)
-      : changes(equations[0], a, b, joints, lengthScale);
-    out.push(...parts.map((part) => k - 1 + part));
-  }
-  return out;
+function crossedBy({ values: [fixed], equations }, rows, joints, lengthScale) {
+  return rows.slice(1).flatMap((b, k) => {
+    const a = rows[k], parts = fixed ? passed(fixed, a[fixed.joint], b[fixed.joint], joints) : changes(equations[0], a, b, joints, lengthScale);
+    return parts.map((part) => k + part);
+  });
 }
 
-// Where whole turns (a slider: zero) lie strictly between two offsets.
-function passed(a, b, prismatic) {
-  const [low, high] = [Math.min(a, b) / FULL, Math.max(a, b) / FULL], out = [];
-  if (prismatic) return a * b < 0 ? [a / (a - b)] : [];
-  for (let turn = Math.floor(low) + 1; turn < high; turn++) out.push((turn * FULL - a) / (b - a));
-  return out;
-}
+// Where a joint is at its value, strictly between two others.
+const passed = ({ joint, value }, a, b, joints) =>
+  turnsOf(value, Math.min(a, b), Math.max(a, b), joints[joint].prismatic).filter((v) => v !== a && v !== b).map((v) => (v - a) / (b - a));
 
 function changes(equation, a, b, joints, lengthScale) {
   const far = Math.max(...a.map((v, j) => Math.abs(b[j] - v) / (joints[j].prismatic ? lengthScale : 1)));
