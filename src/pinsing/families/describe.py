@@ -23,6 +23,7 @@ once are no name. Legs have no names: their joints are hips, knees and ankles.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 import re
@@ -47,6 +48,7 @@ from pinsing.algebra.equation import (
 from pinsing.algebra.real_roots import (
     AlgebraicValue,
     NotFinite,
+    Solution,
     changes_sign,
     isolated_zeros,
     real_roots,
@@ -132,30 +134,35 @@ class PieceMaker:
         """Return the pieces of a component; none if proven not to have a real point."""
         # What is neither proven empty nor has a known point is a piece, too.
         fixed = [self._value(j, v) for j, v in component.values.items()]
-        products = self.products
-        solved, others = ([], list(component.relations)) if products else self._solvable(component)
+        solved, others = list[Poly](), list(component.relations)
+        if not self.products:
+            solved, others = self._solvable(component)
         alone = len(others) == 1 and not solved
         sure = alone and changes_sign(others[0], self.ring)
-        real = None if products or not alone or sure else self._real_part(others[0])
-        if real is not None:  # smaller than the set of complex zeros
-            combinations = real
-            minimal: list[Equation] = []
+        codimension, minimal, found = component.codimension, list[Equation](), None
+        if alone and not sure and not self.products:
+            with contextlib.suppress(NotFinite, BudgetExceeded):
+                found = isolated_zeros(others[0], self.ring, self.time)
+        if found is None:
+            found, minimal, unsolved = self._solutions(solved)
+            others += unsolved
+        else:  # smaller than the set of complex zeros
             codimension = len(fixed) + len(self.ring.joints_of(others[0]))
             others = []
-        else:
-            combinations, minimal, unsolved = self._solutions(solved)
-            others += unsolved
-            codimension = component.codimension
-        equations = [self.equation_of(p) for p in others]
-        branches = (b for c in combinations for b in self._branches(fixed, c, equations))
-        alive = [b for b in branches if not self._empty(b)]
-        if not alive:
-            return []
+        equations, alive = [self.equation_of(p) for p in others], list[Branch]()
+        for solution in found:
+            values, left = [self._algebraic(j, v) for j, v in solution.items()], equations
+            for v in values:
+                put = (fix_joint(e, v.joint, v.value) for e in left)
+                left = _distinct([e for e in put if e is not None])
+            held = sorted([*fixed, *values], key=lambda v: v.joint)
+            branch = Branch(tuple(held), tuple(left))
+            alive += [] if self._empty(branch) else [branch]
         known = [b for b in alive if sure or self._has_point(b)]
         unknown = [b for b in alive if b not in known]
         return [
-            SolvedPiece(tuple(part), tuple(minimal), found, codimension, component)
-            for part, found in ((known, True), (unknown, False))
+            SolvedPiece(tuple(part), tuple(minimal), real, codimension, component)
+            for part, real in ((known, True), (unknown, False))
             if part
         ]
 
@@ -208,32 +215,29 @@ class PieceMaker:
 
     def _solutions(
         self, polys: Sequence[Poly]
-    ) -> tuple[list[list[JointValue]], list[Equation], list[Poly]]:
+    ) -> tuple[list[Solution], list[Equation], list[Poly]]:
         """Real values of joints, one equation a joint for print, and what was not solved."""
-        alone = [p for p in polys if len(self.ring.joints_of(p)) == 1]
         together = [p for p in polys if len(self.ring.joints_of(p)) > 1]
         if together:
             try:
-                found = real_solutions(polys, self.ring, self.time)
+                return real_solutions(polys, self.ring, self.time), [], []
             except NotFinite:
                 pass  # they stay equations
             except BudgetExceeded:
                 self.unsolved += 1
-            else:
-                return [[self._algebraic(j, v) for j, v in s.items()] for s in found], [], []
         lines: dict[int, Poly] = {}
-        for p in alone:
-            (joint,) = self.ring.joints_of(p)
-            lines[joint] = self.ring.gcd(lines[joint], p) if joint in lines else p
-        roots = [
-            [self._algebraic(j, v) for v in real_roots(p, j, self.ring)] for j, p in lines.items()
-        ]
+        for p in polys:
+            if len(joints := self.ring.joints_of(p)) == 1:
+                before = lines.get(joints[0], self.ring.zero)
+                lines[joints[0]] = p if before == 0 else self.ring.gcd(before, p)
+        roots = {j: real_roots(p, j, self.ring) for j, p in lines.items()}
         unlike = [
             self.equation_of(p)
-            for p, values in zip(lines.values(), roots, strict=True)
-            if any(v.exact is None for v in values)  # else the values say as much
+            for j, p in lines.items()  # else the values say as much
+            if any(v.exact(self.ring.prismatic[j]) is None for v in roots[j])
         ]
-        return [list(c) for c in itertools.product(*roots)], unlike, together
+        choices = itertools.product(*roots.values())
+        return [dict(zip(roots, c, strict=True)) for c in choices], unlike, together
 
     def _algebraic(self, joint: int, value: AlgebraicValue) -> JointValue:
         slides = self.ring.prismatic[joint]
@@ -241,18 +245,6 @@ class PieceMaker:
             return replace(self._value(joint, exact), minimal=value.minimal)
         shown = float(value.ball) if slides else wrap(value.angle() - float(self.offset[joint]))
         return JointValue(joint, shown, False, value.minimal)
-
-    def _real_part(self, poly: Poly) -> list[list[JointValue]] | None:
-        """Return all real zeros of a polynomial, or None where they may be a hypersurface."""
-        if len(self.ring.joints_of(poly)) < 2:
-            return None
-        try:
-            found = isolated_zeros(poly, self.ring, self.time)
-        except (NotFinite, BudgetExceeded):
-            return None
-        if found is None:
-            return None
-        return [[self._algebraic(j, v) for j, v in s.items()] for s in found]
 
     def find(self, branch: Branch, count: int, rounds: int = 6) -> Array:
         """Return up to ``count`` points (k, n) of a branch over whole circles."""
@@ -306,18 +298,6 @@ class PieceMaker:
             poly, lambda p: scale_to_lengths(equation(p, *given), self.lengths)
         )
 
-    def _branches(
-        self, fixed: list[JointValue], solved: list[JointValue], equations: list[Equation]
-    ) -> list[Branch]:
-        """The equations with solved values put into them; none if one is a constant then."""
-        left: list[Equation] = list(equations)
-        for v in solved:
-            put = [fix_joint(e, v.joint, v.value) for e in left]
-            left = _distinct([e for e in put if e is not None])
-        if any(not e.involved for e in left):
-            return []  # far above rounding: this root goes with another one
-        return [Branch(tuple(sorted([*fixed, *solved], key=lambda v: v.joint)), tuple(left))]
-
     def _has_point(self, branch: Branch) -> bool:
         """Return True if a point of a branch is found; looked for once."""
         if not branch.equations and self.confirm is None:
@@ -325,7 +305,8 @@ class PieceMaker:
         return bool(self._met.of(branch, lambda b: self.find(b, 1).size))
 
     def _empty(self, branch: Branch) -> bool:
-        if any(never_zero(e) for e in branch.equations):
+        # A constant is far above rounding: its root goes with another one.
+        if any(not e.involved or never_zero(e) for e in branch.equations):
             return True
         if not branch.equations or self._has_point(branch) or self.time.over:
             return False
