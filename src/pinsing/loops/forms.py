@@ -10,7 +10,6 @@ determinant of such polynomials; in the joint angles it may be a trigonometric p
 
 from __future__ import annotations
 
-import functools
 import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,7 +18,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio as pin
-from flint import Ordering, fmpq_mpoly_ctx
 
 from pinsing.algebra.equation import Equation, signed_sum
 from pinsing.algebra.ring import Poly, Ring, coefficients_by, fraction, rational
@@ -46,40 +44,28 @@ def exact_points(points: Sequence[Array]) -> ExactPoints:
 
 
 def _snapped(points: Sequence[Array], square: int) -> tuple[ExactPoints, int]:
-    unit = float(np.sqrt(square))
+    """Vectors of which as many as can be are turned or mirrored others, and how many are."""
+    unit, given = np.array([1.0, np.sqrt(square), 1.0]), np.reshape(points, (-1, 3))
+    # Matrices of mirrors, and of turns about z that are rational with y in units of the root.
+    cos, sin = (0, 1) if square == 1 else (Fraction(-1, 2), Fraction(1, 2))
+    signs = list(itertools.product((1, -1), repeat=2))
+    ways: list[Any] = [(k, 0, 0, m) for k, m in signs]
+    ways += [(k * cos, -square * m * sin, m * sin, k * cos) for k, m in signs]
     # Decimals, so that points that differ by a sign stay so; round ones first, the others follow.
-    plain = [
-        tuple(Fraction(repr(round(float(v), 12))) for v in (p[0], p[1] / unit, p[2]))
-        for p in points
+    found: list[Any] = [
+        tuple(Fraction(repr(round(v, 12))) for v in p) for p in (given / unit).tolist()
     ]
-    order = sorted(range(len(points)), key=lambda k: max(v.denominator for v in plain[k]))
-    found: dict[int, Vector] = {}
+    known: list[Vector] = []
     related = 0
-    for k in order:
-        images = (v for old in found.values() for v in (old, *_images(old, square)))
-        image = next((v for v in images if _off(v, points[k], unit) <= 1e-9), None)
-        related += image is not None
-        x, y, z = plain[k]
-        found[k] = (x, y, z) if image is None else image
-    out = tuple(found[k] for k in range(len(points)))
-    off = max((_off(v, p, unit) for v, p in zip(out, points, strict=True)), default=0.0)
-    return ExactPoints(square, out, off), related
-
-
-def _images(v: Vector, square: int) -> list[Vector]:
-    """The vector turned about z by the angles that are rational here, and mirrored."""
-    x, y, z = v
-    out = [(-x, -y, z), (x, -y, z), (-x, y, z)]
-    turns = [(-y, x)] if square == 1 else [
-        (-x / 2 - 3 * y / 2, x / 2 - y / 2), (-x / 2 + 3 * y / 2, -x / 2 - y / 2)
-    ]  # fmt: skip
-    out += [w for a, b in turns for w in ((a, b, z), (-a, -b, z))]
-    return [w for w in out if w != v]
-
-
-def _off(v: Vector, p: Array, unit: float) -> float:
-    """By how much an exact vector is another one than p (3,)."""
-    return float(np.abs(np.array([float(v[0]), float(v[1]) * unit, float(v[2])]) - p).max())
+    for k in sorted(range(len(found)), key=lambda k: max(v.denominator for v in found[k])):
+        images = [(a * x + b * y, c * x + d * y, z) for x, y, z in known for a, b, c, d in ways]
+        away = np.reshape(np.array(images, dtype=float), (-1, 3)) * unit - given[k]
+        near = np.flatnonzero(np.abs(away).max(axis=1, initial=0.0) <= 1e-9)
+        if len(near):
+            related, found[k] = related + 1, images[near[0]]
+        known.append(found[k])
+    off = np.abs(np.array(found, dtype=float).reshape(-1, 3) * unit - given).max(initial=0.0)
+    return ExactPoints(square, tuple(found), float(off)), related
 
 
 Row = list[Poly]
@@ -187,20 +173,15 @@ class LegChain:
             p, scale = [w * v for v in p], scale * w
         self.rotation, self.position, self.scale = R, p, scale
 
-    def point(self, place: Array) -> Row:
-        """A point of the last body, times ``scale``: where it is (3,) with all joints at zero."""
-        away = self._local(place) - np.array([float(v) for v in self.last])
-        return self._moved(away, self.rotation, self.position)
+    def point(self, place: Array, rests: bool = False) -> Row:
+        """A point (3,), given with all joints at zero: of the last body, times ``scale``.
 
-    def fixed(self, place: Array) -> Row:
-        """A point of the base (3,)."""
-        return self._moved(self._local(place), self.base, self.at)
-
-    def _local(self, place: Array) -> Array:
-        return np.array(self.frame.T @ (place - self.start))
-
-    def _moved(self, place: Array, R: Sequence[Sequence[Any]], p: Sequence[Any]) -> Row:
-        exact = [self.ring.number(v) for v in vector(place)]
+        One that ``rests`` is of the base.
+        """
+        R, p, last = self.rotation, self.position, np.array(self.last, dtype=float)
+        if rests:
+            R, p, last = self.base, self.at, np.zeros(3)
+        exact = [self.ring.number(v) for v in vector(self.frame.T @ (place - self.start) - last)]
         return [a + dot(row, exact, self.ring.zero) for a, row in zip(p, R, strict=True)]
 
     def velocity(self, hinge: Hinge, point: Row, scale: Poly) -> Row:
@@ -428,49 +409,37 @@ def planar_equation(
 ) -> PoseEquation:
     """Return a `pose_equation` with half-angle variables e0, e3 (``half``) as cos φ, sin φ."""
     # Where the degree in them is odd, they stay.
-    parts, total = coefficients_by(poly, half), 0 * poly
-    if any(sum(powers) % 2 for powers in parts):
-        return pose_equation(poly, names, odd, square)
-    cos, sin = (poly.context().gens()[k] for k in half)
-    for (i, j), rest in parts.items():
-        # 3 f3^2 = e3^2, and sin φ is in units of the root as e3 is.
-        total += rest * rational(Fraction(1, square ** (j // 2))) * _pair(i, j, cos, sin)
-    angle = dict(zip(half, _ANGLE, strict=True))
-    renamed = tuple(angle.get(k, n) for k, n in enumerate(names))
-    return pose_equation(total, renamed, odd, square)
+    if all(sum(powers) % 2 == 0 for powers in coefficients_by(poly, half)):
+        poly = _in_angle(poly, half, square)
+        angle = dict(zip(half, _ANGLE, strict=True))
+        names = tuple(angle.get(k, n) for k, n in enumerate(names))
+    return pose_equation(poly, names, odd, square)
 
 
 def trig_polynomial(poly: Poly, ring: Ring, joints: Sequence[str]) -> PoseEquation:
     """Return the polynomial in cos q, sin q of joints that turn, q of slides; its scale is kept."""
     # Every degree in a pair of half-angle variables must be even.
     used = ring.joints_of(poly) if poly != 0 else ()
+    for j in used:
+        if not ring.prismatic[j]:
+            poly = _in_angle(poly, ring.variables(j))
     heads = {True: ("",), False: ("cos ", "sin ")}
     names = [f"{head}{joints[j]}" for j in used for head in heads[ring.prismatic[j]]]
-    there = fmpq_mpoly_ctx.get([f"t{k}" for k in range(len(names))], Ordering.lex)
-    gens = iter(there.gens())
-    places = {j: [next(gens) for _ in ring.variables(j)] for j in used}
-
-    @functools.cache
-    def power(j: int, *exponents: int) -> Poly:
-        """What powers of the variables of a joint are in its cosine and sine, or its value."""
-        return places[j][0] ** exponents[0] if ring.prismatic[j] else _pair(*exponents, *places[j])
-
-    total = there.constant(0)
-    for monomial, c in poly.to_dict().items():
-        line = there.constant(c)
-        for j in used:
-            line *= power(j, *(int(monomial[v]) for v in ring.variables(j)))
-        total += line
-    return _equation(tuple(names), _terms(total))
+    columns = [v for j in used for v in ring.variables(j)]
+    terms = [(tuple(powers[v] for v in columns), c, k) for powers, c, k in _terms(poly)]
+    return _equation(tuple(names), terms)
 
 
-def _pair(i: int, j: int, c: Poly, s: Poly) -> Poly:
-    """x^i y^j as a polynomial in cos and sin: x^2 = (1 + c) / 2, y^2 = (1 - c) / 2, x y = s / 2."""
-    if (i + j) % 2:
-        raise ValueError("a form of odd degree has no cosines and sines of the whole angle")
-    half = rational(Fraction(1, 2))
-    out = ((1 + c) * half) ** (i // 2) * ((1 - c) * half) ** (j // 2)
-    return out * (s * half) if i % 2 else out
+def _in_angle(poly: Poly, half: Sequence[int], square: int = 1) -> Poly:
+    """A polynomial with half-angle variables x and y replaced by the cosine and sine."""
+    # x^2 = (1 + cos) / 2, y^2 = (1 - cos) / 2, x y = sin / 2. With y in units of a root so is sin.
+    total, (c, s) = 0 * poly, (poly.context().gens()[k] for k in half)
+    for (i, j), rest in coefficients_by(poly, half).items():
+        if (i + j) % 2:
+            raise ValueError("a form of odd degree has no cosines and sines of the whole angle")
+        pair = (1 + c) ** (i // 2) * (1 - c) ** (j // 2) * s ** (i % 2)
+        total += rest * pair * rational(Fraction(1, 2 ** ((i + j + 1) // 2) * square ** (j // 2)))
+    return total
 
 
 @dataclass(frozen=True, eq=False)

@@ -404,7 +404,7 @@ class _ExactTree:
         for hinge in chain.hinges:
             if rests:
                 scale = hinge.scale
-                point = [scale * x for x in chain.fixed(at)]
+                point = [scale * x for x in chain.point(at, rests=True)]
             turned = none if hinge.slides else [scale * x for x in hinge.axis]
             yield hinge.joint, [*chain.velocity(hinge, point, scale), *turned]
 
@@ -595,7 +595,7 @@ class LegWrenches(_ExactTree):
         arms = [moved[h.joint] for h in passive]
         if sphere and end is not None:
             # A loop that closes in a point of the sphere leaves a turn about the radius there.
-            centre = chain.fixed(self.centre)
+            centre = chain.point(self.centre, rests=True)
             arms.append([b - chain.scale * m for b, m in zip(point, centre, strict=True)])
         for force in self._forces(chain, passive, arms, point):
             plain, content = _primitive(force)
