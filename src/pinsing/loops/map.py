@@ -46,7 +46,7 @@ from pinsing.loops.motion import (
     pose_of,
     pose_table,
 )
-from pinsing.measures import NEAR_RTOL, ROUNDING, SINGULAR_RTOL, Array, ArrayLike, Bool, NDArray
+from pinsing.measures import NEAR_RTOL, ROUNDING, SINGULAR_RTOL, Array, Bool
 from pinsing.prose import PLAIN, Page
 from pinsing.robot.mechanism import Mechanism
 
@@ -116,28 +116,13 @@ class PoseWay:
         turned = self.rows[k] > 2 and self.turn["kind"] == "axis"
         return float(self.turn["at"] if turned else self.pose[self.rows[k]])
 
-    def side(self, k: int, samples: int, times: float) -> Array:
-        """Values of a coordinate: a whole turn, or about as far as the linkage is large."""
+    def line(self, k: int, low: float, high: float, samples: int) -> Array:
+        """Values of a coordinate: from one to another, or a whole turn of one that turns."""
         if self.rows[k] > 2:
-            return self._turn(k, samples)
-        size = times * self.extent
-        return self.start(k) + np.linspace(-size, size, samples)
-
-    def _turn(self, k: int, samples: int) -> Array:
-        # Where yaw follows, pitch beyond a quarter of a turn is a pose that has been before.
-        tied = self.rows[k] == 4 and self.turn["kind"] == "angles"
-        most = np.radians(89.5) if tied else np.pi
-        return np.linspace(-most, most, samples)
-
-    def cropped(self, k: int, side: Array, there: ArrayLike, samples: int) -> Array:
-        """From a little before the first value that is reached to a little after the last."""
-        if self.rows[k] > 2:
-            return self._turn(k, samples)
-        places = np.flatnonzero(there)
-        if not len(places):
-            return np.linspace(side[0], side[-1], samples)
-        step = float(side[1] - side[0])
-        low, high = float(side[places[0]]) - 1.5 * step, float(side[places[-1]]) + 1.5 * step
+            # Where yaw follows, pitch beyond a quarter of a turn is a pose that has been before.
+            tied = self.rows[k] == 4 and self.turn["kind"] == "angles"
+            high = np.radians(89.5) if tied else np.pi
+            low = -high
         return np.linspace(low, high, samples)
 
     def targets(self, first: Array, second: Array) -> tuple[Array, Array]:
@@ -191,10 +176,10 @@ def pose_slice(
     # ``starts`` are closed (n,), one of each mode, all at the same pose of the output.
     way = PoseWay(mechanism, over, starts[0])
     way.keep_turn(starts)
-    size = [_SIZE, _SIZE]
+    middle, size = (way.start(0), way.start(1)), [_SIZE * way.extent] * 2
     for _ in range(_WIDER):
-        side = [way.side(k, COARSE, size[k]) for k in (0, 1)]
-        coarse = _Grid(way, side[0], side[1], len(starts))
+        rough = [way.line(k, middle[k] - size[k], middle[k] + size[k], COARSE) for k in (0, 1)]
+        coarse = _Grid(way, rough[0], rough[1], len(starts))
         coarse.begin(starts)
         coarse.flood(2 * COARSE)
         coarse.scatter()
@@ -205,9 +190,13 @@ def pose_slice(
         if not any(cut):
             break
         size = [1.6 * s if more else s for s, more in zip(size, cut, strict=True)]
-    fine = [
-        way.cropped(k, coarse.sides[k], found.any(axis=k), samples) for k in (0, 1)
-    ]  # axis 0 of the mask is y
+    fine = []
+    for k, line in enumerate(rough):  # axis 0 of the mask is y
+        places = np.flatnonzero(found.any(axis=k))
+        low, high, room = line[0], line[-1], 1.5 * (line[1] - line[0])
+        if len(places):
+            low, high = line[places[0]] - room, line[places[-1]] + room
+        fine.append(way.line(k, low, high, samples))
     for _ in range(_WIDER):
         grid = _Grid(way, fine[0], fine[1], len(starts))
         grid.follow(coarse)
@@ -365,14 +354,13 @@ def draw_closed(
     """Return closed configurations (M, n) of those drawn, and how many cannot close."""
     # Over inputs ``actuated`` are drawn; ``known`` (N, n), from `known_closed`, are starts near by,
     # and the box and orientations of poses.
-    mechanism = loops.mechanism
-    low, high = mechanism.space.span
-    free = np.ones(mechanism.n, dtype=bool)
-    target = None
-    held, left = np.zeros((count, 0)), np.arange(count)
+    mechanism, scale, target = loops.mechanism, loops.mechanism.length_scale, None
+    free, left = np.ones(mechanism.n, dtype=bool), np.arange(count)
     if over == "inputs":
+        low, high = (x[actuated] for x in mechanism.space.span)
         free[actuated] = False
-        held = rng.uniform(low[actuated], high[actuated], (count, len(actuated)))
+        held = rng.uniform(low, high, (count, len(actuated)))
+        have, want = (x / loops.units[actuated] for x in (known[:, actuated], held))
         # Of redundant actuators some follow from the others: nothing is proven by these alone.
         if tuple(actuated) == tuple(mechanism.actuated):
             left = np.flatnonzero(~cannot_close(mechanism, held))
@@ -380,16 +368,19 @@ def draw_closed(
         R, p, _ = loops.output(known)
         chosen = rng.integers(len(known), size=count)
         target = R[chosen], rng.uniform(p.min(axis=0), p.max(axis=0), (count, 3))
+        have, want = (
+            np.concatenate([at / scale, turn.reshape(-1, 9)], axis=1)
+            for turn, at in ((R, p), target)
+        )
     impossible = count - len(left)
-    out = np.zeros((count, mechanism.n))
-    kept = np.zeros(count, dtype=bool)
+    out, kept = np.zeros((count, mechanism.n)), np.zeros(count, dtype=bool)
     for k in range(TRIES):
         # From home first, so that most are in its mode; then from near by; then from anywhere.
         if k > 1:
             # Drawn for all, so that a start does not depend on what others came to.
             Q = mechanism.space.sample(count, rng)[left]
         elif k and len(known):
-            Q = known[_nearest(loops, known, actuated, held[left], target, left)]
+            Q = known[((have**2).sum(axis=1) - 2 * want[left] @ have.T).argmin(axis=1)]
         else:
             Q = np.tile(home(mechanism), (len(left), 1))
         if over == "inputs":
@@ -400,30 +391,8 @@ def draw_closed(
         Q = mechanism.space.fold(Q)
         # One beyond a limit is kept until it is found within it another way.
         out[left[done]], kept[left[done]] = Q[done], True
-        done &= ~mechanism.space.unreachable(Q).any(axis=1)
-        left = left[~done]
+        left = left[~done | mechanism.space.unreachable(Q).any(axis=1)]
     return out[kept], impossible
-
-
-def _nearest(
-    loops: BatchLoops,
-    known: Array,
-    actuated: list[int],
-    held: Array,
-    target: tuple[Array, Array] | None,
-    left: NDArray[np.intp],
-) -> NDArray[np.intp]:
-    """Which of the known configurations has the nearest inputs, or pose of the output."""
-    if target is None:
-        units = loops.units[actuated]
-        have, want = known[:, actuated] / units, held / units
-    else:
-        scale = loops.mechanism.length_scale
-        have, want = (
-            np.concatenate([p / scale, R.reshape(-1, 9)], axis=1)
-            for R, p in (loops.output(known)[:2], (target[0][left], target[1][left]))
-        )
-    return np.asarray(((have**2).sum(axis=1) - 2 * want @ have.T).argmin(axis=1))
 
 
 def known_closed(loops: BatchLoops) -> Array:
