@@ -58,7 +58,7 @@ def left_sides(
     mechanism: Mechanism, forms: PoseForms, q: np.ndarray, kind: str = ""
 ) -> list[float]:
     """Left sides of the loci over the pose of a kind, by default of all, at q."""
-    at = variables_at(mechanism, forms, q)
+    at = variables_at(mechanism, q)
     return [value(x.equation, at) for x in forms.loci if x.kind.startswith(kind)]
 
 

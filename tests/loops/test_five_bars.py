@@ -140,7 +140,7 @@ def test_loci_and_modes(tmp_path: Path, kinds: str, cut: str, plane: str) -> Non
         )
         for mode in found.modes:
             P = (bar.turn.T @ (np.array(mode.pose.position) - AT))[:2]
-            at = variables_at(bar.mechanism, forms, mode.q)
+            at = variables_at(bar.mechanism, mode.q)
             two, ones = bar.measures(m, P)
             seen.append([two, *ones])
             values.append([value(x.equation, at) for x in forms.loci])

@@ -119,7 +119,7 @@ def test_random_3rrr_are_singular_where_rods_meet_or_cranks_are_stretched(seed):
     assert kinds.count("type 1") == 3
     rows, dets, arms = [], [], []
     for q in random_closed(mechanism, 10, rng)[:6]:
-        at = variables_at(mechanism, forms, q)
+        at = variables_at(mechanism, q)
         rows.append(at)
         turn = np.array([[at["cos φ"], -at["sin φ"]], [at["sin φ"], at["cos φ"]]])
         lines = []
@@ -256,7 +256,7 @@ def test_loci_agree_with_the_measures_of_3rps(rng):
     mechanism = shipped("rps3")
     forms = pose_forms(mechanism)
     for q in random_closed(mechanism, 6, rng):
-        at = variables_at(mechanism, forms, q)
+        at = variables_at(mechanism, q)
         value = abs(equation_values(forms, [at])[0])
         assert (value > 1e-9) == (mechanism_at(mechanism, q).kind == "regular")
         loops = Loops(mechanism)
@@ -304,7 +304,7 @@ def test_type_1_of_random_3rps_is_in_the_motions_that_the_hinges_allow(seed, tmp
     ratios, met = [], 0
     for q in random_closed(mechanism, 8, rng):
         for start in (q, refine(mechanism, q, "type 1").q):
-            at = variables_at(mechanism, forms, start)
+            at = variables_at(mechanism, start)
             one = np.prod([value(x.equation, at) for x in ones])
             place = np.array([at[n] for n in "xyz"])
             ends = platform @ rotation([at[f"e{k}"] for k in range(4)]).T

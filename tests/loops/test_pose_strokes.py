@@ -102,7 +102,7 @@ def test_a_leg_driven_at_its_elbow_has_its_condition_as_equations(driven, tmp_pa
     ratios: dict[str, list[float]] = {}
     for q in random_closed(mechanism, 4, np.random.default_rng(5)):
         at = dict(zip(mechanism.joints, q.tolist(), strict=True))
-        known = variables_at(mechanism, forms, q)
+        known = variables_at(mechanism, q)
         for x in shapes:
             k = int(re.search(r"leg (\d)", x.words)[1]) - 1
             l1, l2 = links[:, k]

@@ -160,7 +160,7 @@ def test_random_platforms_are_singular_where_their_lines_are_dependent(legs, see
         p, R = output(mechanism, q)
         lines, felt, errors = geometry(t, p, R, q[inputs])
         assert np.abs(errors).max(initial=0) < 1e-8
-        at = variables_at(mechanism, forms, q)
+        at = variables_at(mechanism, q)
         closing = [value(x, at) for x in forms.closing]
         assert np.abs(closing).max(initial=0) < 1e-8
         ratios.append(np.linalg.det(lines) / left_sides(mechanism, forms, q, "type 2")[0])
@@ -208,7 +208,7 @@ def test_the_shelfs_platforms_on_rods(name):
             B = data.oMf[frames["ball_a" if k == 1 else f"b{k}"]].translation
             lines.append([*(B - C), *np.cross(C, B)])
         matrix = forms.loci[0].equation
-        at = variables_at(mechanism, forms, q)
+        at = variables_at(mechanism, q)
         np.testing.assert_allclose(matrix.entries([at[n] for n in matrix.names]), lines, atol=1e-9)
         ratios.append(np.linalg.det(lines) / left_sides(mechanism, forms, q, "type 2")[0])
     np.testing.assert_allclose(ratios, 1, rtol=1e-5)

@@ -334,70 +334,77 @@ def in_plane(found: Rods, turns: bool = True) -> Iterator[str]:
     )
 
 
-def notes_on(ring: PoseRing) -> Iterator[str]:
-    """Yield what the equations leave open, and what they rest on."""
-    mechanism, found = ring.rods.mechanism, ring.rods
-    alone = _alone(found)
-    aside = ", or passive joints move by themselves (below)" if alone else ""
-    yield from made_exact(ring)
-    sliding = [rod for rod in found.rods if rod.sliding >= 0]
-    if sliding and not ring.unit and found.hinged and not counts_hinges(ring):
-        yield (
+def notes_on(ring: PoseRing) -> list[str]:
+    """What the equations leave open, and what they rest on."""
+    found, rods = ring.rods, ring.rods.rods
+    kinds, sliding = {rod.kind for rod in rods}, [rod for rod in rods if rod.sliding >= 0]
+    alone, hinges = _alone(found), found.hinged and not ring.unit
+    alone_there = "passive joints move by themselves (below)"
+    aside = f", or {alone_there}" if alone else ""
+    untold = hinges and not counts_hinges(ring)
+    also = "also " * (hinges or any(rod.moved or rod.kind == "elbow" for rod in rods))
+    across = " or is along the axis of its first joint" * (
+        ring.unit and any(r.side for r in sliding)
+    )
+    else_ = f"else only where {alone_there}" if alone else "nowhere else"
+    what = "a pose and inputs that close the loops are"
+    if not ring.drivers:
+        what = "a pose that closes the loops is"
+    whole = len(found.mechanism.task.rows) == 6 or not ring.unit
+    strokes = found.planar and kinds == {"strut"} and not input_loci(found.mechanism)
+    # Notes by whether they are true.
+    notes = [
+        (
+            bool(sliding) and untold,
             "type 1 is not in these equations: the rows of the output and the hinges are not "
-            "six together; the equations in the joint angles have it"
-        )
-    elif sliding and (not ring.unit or len(mechanism.task.rows) == 6):
-        told = any(rod.moved or rod.kind == "elbow" for rod in found.rods)
-        also = "also " if told or (found.hinged and not ring.unit) else ""
-        across = ring.unit and any(rod.side for rod in sliding)
-        first = " or is along the axis of its first joint" if across else ""
-        else_ = "else only where passive joints move by themselves (below)" if alone else (
-            "nowhere else"
-        )  # fmt: skip
-        yield f"type 1: {also}where a leg has no length{_short(found, sliding)}{first}; {else_}"
-    if ring.unit:
-        yield from _rows_notes(found)
-        if ring.drivers or found.hinged:
-            what = "a pose and inputs that close the loops are" if ring.drivers else (
-                "a pose that closes the loops is"
-            )  # fmt: skip
-            yield f"{what} singular if and only if one of the loci is zero{aside}"
-        if ring.drivers:
-            yield (
-                "the pose alone: eliminating the inputs by their closure (each quadratic) "
-                f"multiplies {2 ** len(ring.drivers)} working modes; not done"
-            )
-    else:
-        yield from in_plane(found)
-        if ring.drivers:
-            yield with_inputs("pose", "loops", "a") + aside
-        if found.planar and all(rod.kind == "crank" for rod in found.rods):
-            yield (
-                "the pose alone: eliminating the three inputs by their closure (each quadratic) "
-                "multiplies eight working modes, to degree 44 in x and y at a given angle, 42 with "
-                "legs of equal lengths (Bonev and Gosselin 2001); not done"
-            )
-        slid = found.planar and all(rod.kind == "strut" for rod in found.rods)
-        if slid and not input_loci(mechanism):
-            yield (
-                "the inputs alone: eliminating the pose leaves a polynomial, in general of degree "
-                "12 in the squares of the inputs; not written out where coordinates have more than "
-                "five decimals"
-            )
-        if found.hinged:
-            yield (
-                "poses of this mechanism keep the outer end of each leg in the plane across its "
-                f"hinge; such a pose is singular if and only if one of the equations holds{aside}"
-            )
-    if alone:
-        yield (
+            "six together; the equations in the joint angles have it",
+        ),
+        (
+            bool(sliding) and whole and not untold,
+            f"type 1: {also}where a leg has no length{_short(found, sliding)}{across}; {else_}",
+        ),
+        *((ring.unit, text) for text in _rows_notes(found)),
+        (
+            ring.unit and bool(ring.drivers or found.hinged),
+            f"{what} singular if and only if one of the loci is zero{aside}",
+        ),
+        (
+            ring.unit and bool(ring.drivers),
+            "the pose alone: eliminating the inputs by their closure (each quadratic) "
+            f"multiplies {2 ** len(ring.drivers)} working modes; not done",
+        ),
+        *((not ring.unit, text) for text in in_plane(found)),
+        (bool(ring.drivers) and not ring.unit, with_inputs("pose", "loops", "a") + aside),
+        (
+            found.planar and kinds == {"crank"},
+            "the pose alone: eliminating the three inputs by their closure (each quadratic) "
+            "multiplies eight working modes, to degree 44 in x and y at a given angle, 42 with "
+            "legs of equal lengths (Bonev and Gosselin 2001); not done",
+        ),
+        (
+            strokes,
+            "the inputs alone: eliminating the pose leaves a polynomial, in general of degree "
+            "12 in the squares of the inputs; not written out where coordinates have more than "
+            "five decimals",
+        ),
+        (
+            hinges,
+            "poses of this mechanism keep the outer end of each leg in the plane across its "
+            f"hinge; such a pose is singular if and only if one of the equations holds{aside}",
+        ),
+        (
+            bool(alone),
             "passive joints that move by themselves, the output at rest, are not in these "
-            f"equations: {alone}; the equations in the joint angles have each"
-        )
-    yield PROOFS if not ring.unit else (
-        "determinants are exact and not multiplied out; certificates are of each leg alone "
-        "(--prove)"
-    )  # fmt: skip
+            f"equations: {alone}; the equations in the joint angles have each",
+        ),
+        (not ring.unit, PROOFS),
+        (
+            ring.unit,
+            "determinants are exact and not multiplied out; certificates are of each leg alone "
+            "(--prove)",
+        ),
+    ]
+    return [*made_exact(ring), *(text for holds, text in notes if holds)]
 
 
 def _short(found: Rods, legs: Sequence[Rod]) -> str:
@@ -450,7 +457,7 @@ def locus_distance(mechanism: Mechanism, forms: PoseForms, q: Array) -> float:
     """Return the least value of the equations at q (n,), over the size that terms can have."""
     # Lengths count with the size of the mechanism, all else with 1: a term that is zero by itself,
     # as in ``e3 = 0``, says how near it is.
-    at = variables_at(mechanism, forms, q)
+    at = variables_at(mechanism, q)
     found = _rods(mechanism)
     places = [] if found is None else [p for r in found.rods for p in (r.inner, r.outer)]
     reach = max((float(np.linalg.norm(p)) for p in places), default=mechanism.length_scale)
@@ -461,7 +468,7 @@ def locus_distance(mechanism: Mechanism, forms: PoseForms, q: Array) -> float:
     return min(_relative(locus.equation, at, reach) for locus in loci)
 
 
-def variables_at(mechanism: Mechanism, forms: PoseForms, q: Array) -> dict[str, float]:
+def variables_at(mechanism: Mechanism, q: Array) -> dict[str, float]:
     """Values of the variables of equations at a configuration q (n,)."""
     found = _rods(mechanism)
     there = output_pose(mechanism, q)
@@ -484,16 +491,15 @@ def _relative(equation: PoseEquation, at: dict[str, float], reach: float) -> flo
     x = np.array([at[n] for n in equation.names])
     turning = [n in TURNS or n.startswith(("cos ", "sin ")) for n in equation.names]
     most = np.where(turning, 1.0, np.maximum(np.abs(x), reach))
-    if equation.matrix:
-        sizes = np.array([[_size(e, most) for e in row] for row in equation.matrix])
-        columns = sizes.max(axis=0)
-        columns = np.where(columns > 0, columns, 1.0)
-        rows = (sizes / columns).max(axis=1)
-        level = equation.entries(x) / columns / np.where(rows > 0, rows, 1.0)[:, None]
-        sigma = np.linalg.svd(level, compute_uv=False)
-        return float(sigma[-1] / sigma[0]) if sigma[0] > 0 else 0.0
-    size = _size(equation, most)
-    return abs(float(equation(x))) / size if size > 0 else 0.0
+    entries = equation.matrix or ((equation,),)
+    sizes = np.array([[_size(e, most) for e in row] for row in entries])
+    level = np.array([[float(e(x)) for e in row] for row in entries])
+    for axis in (0, 1):
+        largest = sizes.max(axis=axis, keepdims=True)
+        sizes, level = (M / np.where(largest > 0, largest, 1.0) for M in (sizes, level))
+    sigma = np.linalg.svd(level, compute_uv=False)
+    size = sigma[0] if equation.matrix else 1.0
+    return float(sigma[-1] / size) if size > 0 else 0.0
 
 
 def _size(equation: PoseEquation, most: Array) -> float:
@@ -691,7 +697,7 @@ def _architecture(found: Rods) -> str:
 def _turning_forms(mechanism: Mechanism, found: Rods) -> PoseForms:
     """Of legs on cranks, rails or driven feet in space: determinants, or one leg's equation."""
     ring = PoseRing(found, unit=True)
-    notes = [*notes_on(ring)]
+    notes = notes_on(ring)
     two, closing = ring.determinant(ring.lines()), _closing(ring)
     if _dependent(two):
         return PoseForms(
