@@ -38,7 +38,6 @@ from pinsing.loops.motion import (
     led_pose,
     mechanism_at,
     mode_at,
-    pose_of,
 )
 from pinsing.loops.pose_loci import pose_forms
 from pinsing.loops.solve import (
@@ -96,7 +95,7 @@ def input_map(
         label = once(ax, "type 2: B1 = B2") if two else None
         color = TYPE_2 if two else TYPE_1
         ax.plot(*d(inputs), "o", color=color, ms=5, mfc="white", zorder=4, label=label)
-    for value, style, said in _type_1(mechanism, dyad, q, closed):
+    for value, style, said in _type_1(mechanism, dyad, q):
         zero_line(ax, d(x), d(y), value, TYPE_1, style, said)
     for axis, name in zip((ax.xaxis, ax.yaxis), mechanism.inputs, strict=True):
         axis.set_label_text(f"{plain(name)} [{unit(False, degrees)}]")
@@ -106,26 +105,22 @@ def input_map(
     return ax
 
 
-def _type_1(
-    mechanism: Mechanism, dyad: Dyad, q: Array, closed: Bool
-) -> Iterator[tuple[Array, str, str]]:
+def _type_1(mechanism: Mechanism, dyad: Dyad, q: Array) -> Iterator[tuple[Array, str, str]]:
     """Yield left sides of type 1 over the grid, NaN where loops are open, strokes and words."""
     # Of an output that is the pin: of each leg, stretched and folded; else equations in the angles.
-    if not dyad.at_pin():
-        forms = joint_forms(mechanism)
-        for k, locus in enumerate(forms.loci):
-            if locus.kind == "type 1":
-                value = np.full(closed.shape, np.nan)
-                value[closed] = forms.values(q[closed])[:, k]
-                yield value, "-", "type 1: the output loses a direction"
+    if dyad.at_pin():
+        for leg in (0, 1):
+            crank, rod = dyad.link_directions(q, leg)
+            bend = np.conj(crank) * rod
+            for sense, style, how in ((1, "-", "stretched"), (-1, "--", "folded")):
+                left = np.where(sense * bend.real > 0, bend.imag, np.nan)
+                yield left, style, f"type 1: a leg {how}"
         return
-    for leg in (0, 1):
-        crank, rod = dyad.link_directions(q, leg)
-        straight = (np.conj(crank) * rod).real > 0
-        sine = dyad.elbow_sine(q, leg)
-        for stretched, style, how in ((True, "-", "stretched"), (False, "--", "folded")):
-            there = closed & (straight == stretched)
-            yield np.where(there, sine, np.nan), style, f"type 1: a leg {how}"
+    closed = np.isfinite(q).all(axis=-1)
+    for locus in (x for x in joint_forms(mechanism).loci if x.kind == "type 1"):
+        left = np.full(closed.shape, np.nan)
+        left[closed] = locus.value(q[closed], mechanism.joints)
+        yield left, "-", "type 1: the output loses a direction"
 
 
 def map_legend(ax: Axes, down: float = 0.12) -> None:
@@ -217,13 +212,9 @@ def _isolated(mechanism: Mechanism, dyad: Dyad) -> list[tuple[str, Array]]:
     out = [(x.kind, x.witness.inputs) for x in loci if x.points_only and x.witness]
     # Mirrored about the line of the pivots it is another, or itself where all is in line.
     axis = np.angle(dyad.sides[1].pivot - dyad.sides[0].pivot)
-    cranks = {side.crank: side for side in dyad.sides}
-    sides = [cranks[j] for j in mechanism.actuated]
-    turn = np.array([2 * s.sense * (axis - np.angle(s.arm)) for s in sides])
-    for kind, p in list(out):
-        mirrored = turn - p
-        out.append((kind, (mirrored + np.pi) % (2 * np.pi) - np.pi))
-    return out
+    turns = {s.crank: 2 * s.sense * (axis - np.angle(s.arm)) for s in dyad.sides}
+    turn = np.array([turns[j] for j in mechanism.actuated])
+    return [*out, *((kind, (turn - p + np.pi) % (2 * np.pi) - np.pi) for kind, p in out)]
 
 
 def once(ax: Axes, label: str) -> str | None:
@@ -307,16 +298,14 @@ def bodies(mechanism: Mechanism, q: Array) -> list[tuple[int, Array, Array | Non
         places = places + (away or mechanism.length_scale) * sample.axis
     out = []
     for body in range(mechanism.n + 1):
-        points = [] if body == 0 else [places[body - 1]]
-        points += [places[j] for j in range(mechanism.n) if parents[j + 1] == body]
+        points = [places[j] for j in range(mechanism.n) if body in (j + 1, parents[j + 1])]
         points += [p for k, p in ends if k == body]
-        here = None
-        if frames[mechanism.output_id].parentJoint == body:
-            here = np.array(sample.output.translation)
-            if len(points) < 3:  # the link goes to it
-                points.append(here)
+        here = np.array(sample.output.translation)
+        bears = frames[mechanism.output_id].parentJoint == body
+        if bears and len(points) < 3:  # the link goes to it
+            points.append(here)
         if points:
-            out.append((body, np.array(points), here))
+            out.append((body, np.array(points), here if bears else None))
     return out
 
 
@@ -330,11 +319,9 @@ def _around(points: Array) -> Array:
 
 PLUS = "#3c7a4b"
 MINUS = "#b8772c"
-_PLAIN = "#41719c"
-_MODES = {
-    "+": (PLUS, "assembly +, as at home"), "-": (MINUS, "assembly −"), "0": (_PLAIN, "poses"),
-    "?": (_PLAIN, "poses"),
-}  # fmt: skip
+_PARTS = [
+    (PLUS, "assembly +, as at home", "+"), (MINUS, "assembly −", "-"), ("#41719c", "poses", "0"),
+]  # fmt: skip
 
 
 def motion_curve(
@@ -375,15 +362,18 @@ def motion_curve(
     low, high = told[0][1].min(axis=0), told[0][1].max(axis=0)
     centre = np.where(np.isfinite(turn) & (high - low < turn), (low + high) / 2, 0.0)
     _, ax = plt.subplots(figsize=(6, 5))
-    signs = [[assembly_sign(mechanism, x) for x in q] for q, _ in told]
+    signs = [_signs(mechanism, q) for q, _ in told]
     part = any({"+", "-"} <= set(x) for x in signs)
     for number, ((_, values), sign) in enumerate(zip(told, signs, strict=True)):
-        for begin, end, which in _runs(sign) if part else [(0, len(values), str(number))]:
-            color, label = _MODES[which] if part else (
-                (PLUS, "the curve of home") if number == 0 else (MINUS, "other assembly modes")
-            )  # fmt: skip
-            piece = _broken(values[begin : min(end + 1, len(values))], turn, centre)
-            ax.plot(*piece.T, color=color, lw=1.8, label=once(ax, label))
+        pieces = [(MINUS, "other assembly modes", "+-0?")]
+        if number == 0:
+            pieces = [(PLUS, "the curve of home", "+-0?")]
+        for color, label, which in _PARTS if part else pieces:
+            there = np.isin(sign, list(which))
+            there[1:] |= there[:-1]  # up to where the next piece begins
+            if there.any():
+                piece = _broken(np.where(there[:, None], values, np.nan), turn, centre)
+                ax.plot(*piece.T, color=color, lw=1.8, label=once(ax, label))
     for point in points:
         place = _folded(_values(mechanism, point.q[None], names, degrees), turn, centre)[0]
         color = TYPE_1 if point.kind == "type 1" else TYPE_2
@@ -399,7 +389,7 @@ def motion_curve(
 
 
 def _values(mechanism: Mechanism, q: Array, names: Sequence[str], degrees: bool) -> Array:
-    """The two coordinates (N, 2) along configurations (N, n), angles without jumps."""
+    """Coordinates (N, k) of these names along configurations (N, n), angles without jumps."""
     R, p, _ = BatchLoops(mechanism).output(q)
     angles = np.unwrap(np.array([pin.rpy.matrixToRpy(M) for M in R]), axis=0)
     every = np.concatenate([q[:, list(mechanism.actuated)], p, angles], axis=1)
@@ -431,15 +421,10 @@ def _broken(values: Array, turn: Array, centre: Array) -> Array:
     return np.insert(out, jumps, np.nan, axis=0)
 
 
-def _runs(signs: Sequence[str]) -> list[tuple[int, int, str]]:
-    """Stretches (first, beyond the last, sign) of equal signs; a zero goes with what is before."""
-    out: list[tuple[int, int, str]] = []
-    for k, sign in enumerate(signs):
-        if out and sign in (out[-1][2], "0"):
-            out[-1] = (out[-1][0], k + 1, out[-1][2])
-        else:
-            out.append((k, k + 1, sign))
-    return out
+def _signs(mechanism: Mechanism, Q: Array) -> NDArray[np.str_]:
+    """Assembly signs (N,) along configurations (N, n); a zero goes with what is before."""
+    signs = np.array([assembly_sign(mechanism, q) for q in Q])
+    return signs[np.maximum.accumulate(np.where(signs == "0", 0, np.arange(len(signs))))]
 
 
 _MOST = 16
@@ -537,14 +522,12 @@ def _box(mechanism: Mechanism, every: Sequence[Array]) -> Array:
 
 def _words(mechanism: Mechanism, mode: Solution, names: Sequence[str], degrees: bool) -> str:
     """Values of the inputs or coordinates of these names."""
-    pose = pose_of(output_pose(mechanism, mode.q))
-    values = (*mode.inputs.tolist(), *pose.position, *pose.angles)
-    at, said = dict(zip(_coordinates(mechanism), values, strict=True)), []
-    for name in names:
+    said = []
+    for name, at in zip(names, _values(mechanism, mode.q[None], names, degrees)[0], strict=True):
         turns = _turns(mechanism, name)
-        value = f"{round(float(at[name]), 2) + 0.0:.2f}" + " rad" * turns
+        value = f"{round(float(at), 2) + 0.0:.2f}" + " rad" * turns
         if turns and degrees:
-            value = f"{round(float(np.degrees(at[name]))) + 0:d}°"
+            value = f"{round(float(at)) + 0:d}°"
         said.append(unbroken(f"{name} {value}"))
     return ", ".join(said)
 
@@ -733,18 +716,18 @@ def _modes(
             if np.abs(output_pose(mechanism, mode.q).rotation - place.rotation).max() <= ALIKE
         ]
     kept = [found[k].q for k in looks_apart(mechanism, found, len(found) or 1)]
-    mark = likeness(mechanism, q)
+    mark = likeness(mechanism, q[None])
     cloud = joint_points(mechanism, q)
     others = [
         x
         for x in kept
         # Legs that are turned round look as they did.
-        if not same(mark, likeness(mechanism, x))
+        if not same(mark, likeness(mechanism, x[None]))
         and np.abs(cloud - joint_points(mechanism, x)).max() > ALIKE
     ]
     signs = ["".join(mode_at(mechanism, x).elbows) for x in (q, *others)]
     names = [f"elbows {x}" if x else "working mode" for x in signs]
-    at_home = same(mark, likeness(mechanism, home(mechanism)))
+    at_home = same(mark, likeness(mechanism, home(mechanism)[None]))
     numbers = [f" {names[: k + 1].count(x)}" * (names.count(x) > 1) for k, x in enumerate(names)]
     ends = [" (home)" * at_home, *[""] * len(others)]
     titles = ["".join(parts) for parts in zip(names, numbers, ends, strict=True)]
