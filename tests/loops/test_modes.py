@@ -123,12 +123,12 @@ def test_flipped_joints_are_the_same_mode(platform):
     flipped[k] += np.pi
     flipped[k + 1] = np.pi - q[k + 1]
     assert np.abs(residual(platform, flipped)).max() < 1e-12
-    assert same(likeness(platform, q), likeness(platform, flipped))
+    assert same(*likeness(platform, np.array([q, flipped])))
     a, b = mechanism_at(platform, q), mechanism_at(platform, flipped)
     assert a.input_ratio == pytest.approx(b.input_ratio, abs=1e-12)
     elbow = shipped("planar_3rrr")
     one, *others = (s.q for s in working_modes(elbow, starts=40).modes)
-    assert not any(same(likeness(elbow, one), likeness(elbow, x)) for x in others)
+    assert not any(same(*likeness(elbow, np.array([one, x]))) for x in others)
 
 
 def test_working_modes_of_a_3rrr_bend_each_elbow_both_ways():
@@ -229,7 +229,7 @@ def test_the_platform_is_analysed_once_over(platform):
     for name, ranges in found.ranges.items():
         assert ranges, name
         assert all(i.upper - i.lower > 1e-3 and i.lower >= 0.3 - 1e-9 for i in ranges)
-    marks = [likeness(platform, p.q) for p in found.points]
+    marks = likeness(platform, np.array([p.q for p in found.points]))
     assert not any(same(a, b) for a, b in itertools.combinations(marks, 2))
     assert not any(platform.space.outside(p.q, 1e-6).any() for p in found.points)
     text = str(found)
@@ -268,10 +268,10 @@ def test_flipped_joints_are_no_curves_of_their_own(case, tmp_path):
     found = curves(mechanism, inputs, 0)
     assert 1 <= len(found) < 8
     for one, other in itertools.permutations(found, 2):
-        marks = np.array([likeness(mechanism, q) for q in other.q])
+        marks = likeness(mechanism, other.q)
         steps = np.linalg.norm(np.diff(marks, axis=0), axis=1).max()
         for q in one.q[:: max(1, len(one.q) // 5)]:
-            away = np.linalg.norm(marks - likeness(mechanism, q), axis=1).min()
+            away = np.linalg.norm(marks - likeness(mechanism, q[None]), axis=1).min()
             assert away > 0.05 * steps
 
 

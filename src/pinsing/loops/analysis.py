@@ -19,7 +19,6 @@ from pinsing.loops.forms import SHORT, JointForms, PoseForms
 from pinsing.loops.joint_loci import LoopForms, joint_forms, loop_forms, roots
 from pinsing.loops.legs import why_no_rods
 from pinsing.loops.motion import (
-    Column,
     MechanismState,
     home,
     home_error,
@@ -372,9 +371,10 @@ def _modes(
     rows = [s.pose for s in modes if s.pose is not None]
     count = min(len(rows), len(modes) if joints else 16)
     shown = modes[:count]
+    units = [1.0 if n in values.sliding or not values.degrees else 180 / math.pi for n in inputs]
     columns = [
-        Column(name, [float(s.inputs[k]) for s in shown], name not in values.sliding)
-        for k, name in enumerate(inputs)
+        (n, [unit * float(s.inputs[k]) for s in shown])
+        for k, (n, unit) in enumerate(zip(inputs, units, strict=True))
     ]
     more = [(str(s.ways), s.mode) for s in shown]
     yield from (

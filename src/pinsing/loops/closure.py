@@ -243,31 +243,34 @@ def _centres(mechanism: Mechanism, output: int) -> list[Centre]:
     return sorted(out, key=lambda c: c.joints)
 
 
-def likeness(mechanism: Mechanism, q: Array, joints: Sequence[int] | None = None) -> Array:
-    """Return numbers (k,) that two configurations q (n,) of one mode share."""
+def likeness(mechanism: Mechanism, Q: Array, joints: Sequence[int] | None = None) -> Array:
+    """Return numbers (N, k) that configurations Q (N, n) of one mode share."""
     # Only of ``joints`` (a leg's) where some are given.
-    sample, scale = Sample(mechanism, q), mechanism.length_scale
+    loops, scale, count = BatchLoops(mechanism), mechanism.length_scale, len(Q)
+    placed = loops.place(Q)
+    axes, origins = placed.axis, placed.position[1:]
+    lines = (axes[..., None] * axes[..., None, :]).reshape(mechanism.n, count, 9)
     chosen = range(mechanism.n) if joints is None else joints
-    out: list[Array] = []
+    out: list[Array] = [np.zeros((count, 0))]
     if joints is None:
-        places = [sample.output, *(sample.frames[k] for k in closing(mechanism)[0])]
-        out += [place.translation / scale for place in places]
-        out.append(np.array(sample.output.rotation).ravel())
+        R, p, _ = loops.output(Q, placed)
+        out += [x / scale for x in (p, *(loops.frame(placed, a)[1] for a, *_ in loops.loops))]
+        out.append(R.reshape(count, 9))
     for j in chosen:
         if j in mechanism.actuated:
-            slides = mechanism.prismatic[j]
-            out.append(np.array([q[j] / scale] if slides else [np.cos(q[j]), np.sin(q[j])]))
+            x = Q[:, [j]]
+            out += [x / scale] if mechanism.prismatic[j] else [np.cos(x), np.sin(x)]
         elif mechanism.prismatic[j]:
-            out += [np.outer(sample.axis[j], sample.axis[j]).ravel(), sample.origins[j] / scale]
+            out += [lines[j], origins[j] / scale]
     for centre in (c for c in structure(mechanism).centres if set(chosen) & set(c.joints)):
         if len(centre.joints) > 1:
-            out.append(np.array(sample.joints[centre.joints[0] + 1].act(centre.point)) / scale)
+            out.append(loops.centre(placed, centre) / scale)
         for j in centre.joints if len(centre.joints) <= 2 else ():
-            axis, at = sample.axis[j], sample.origins[j]
-            out.append(np.outer(axis, axis).ravel())
+            out.append(lines[j])
             if len(centre.joints) == 1:
-                out.append((at - (at @ axis) * axis) / scale)
-    return np.concatenate(out) if out else np.zeros(0)
+                along = (origins[j] * axes[j]).sum(axis=1, keepdims=True)
+                out.append((origins[j] - along * axes[j]) / scale)
+    return np.concatenate(out, axis=1)
 
 
 def extent(mechanism: Mechanism, q: Array) -> float:
@@ -358,7 +361,7 @@ class BatchLoops:
         for body in range(1, mechanism.n + 1):
             self._above[body, path_to(mechanism, body)] = True
         fixed = [self._fixed(int(f.parentJoint), f.placement, np.eye(3)) for f in model.frames]
-        self._loops = [
+        self.loops = [
             (fixed[a], fixed[b], x.kind, x.rows)
             for x, a, b in zip(mechanism.loops, *closing(mechanism), strict=True)
         ]
@@ -383,7 +386,7 @@ class BatchLoops:
         R[0], p[0] = np.eye(3), 0.0
         c, s = np.cos(Q.T)[..., None], np.sin(Q.T)[..., None]
         for j, step in enumerate(self._steps):
-            up, p[j + 1] = self._frame(placed, step)
+            up, p[j + 1] = self.frame(placed, step)
             R[j + 1], axis[j] = up, up[..., 2]
             if self.mechanism.prismatic[j]:
                 p[j + 1] += Q[:, j, None] * axis[j]
@@ -392,7 +395,7 @@ class BatchLoops:
                 R[j + 1, ..., 1] = c[j] * up[..., 1] - s[j] * up[..., 0]
         return placed
 
-    def _frame(self, placed: Placed, which: tuple[int, Array]) -> tuple[Array, Array]:
+    def frame(self, placed: Placed, which: tuple[int, Array]) -> tuple[Array, Array]:
         """Rotation (N, 3, 3) and origin (N, 3) of what is fixed to a body."""
         body, at = which
         # One product of matrices: of many small ones it takes many times as long.
@@ -418,10 +421,10 @@ class BatchLoops:
         """Residual (N, k) and Jacobian (N, k, n) of loops at Q, lengths over the length scale."""
         placed = self.place(Q) if placed is None else placed
         errors, rows = [np.zeros((len(Q), 0))], [np.zeros((len(Q), 0, self.mechanism.n))]
-        for k in range(len(self._loops)) if loops is None else loops:
-            a, b, kind, count = self._loops[k]
-            Ra, pa = self._frame(placed, a)
-            Rb, pb = self._frame(placed, b)
+        for k in range(len(self.loops)) if loops is None else loops:
+            a, b, kind, count = self.loops[k]
+            Ra, pa = self.frame(placed, a)
+            Rb, pb = self.frame(placed, b)
             one, turn_a = self._velocity(placed, a[0], pb)
             two, turn_b = self._velocity(placed, b[0], pb)
             back = np.swapaxes(Ra, 1, 2)
@@ -434,11 +437,17 @@ class BatchLoops:
                 rows.append(back @ (turn_b - turn_a))
         return np.concatenate(errors, axis=1), np.concatenate(rows, axis=1) * self.units
 
+    def centre(self, placed: Placed, centre: Centre) -> Array:
+        """Where passive axes meet (N, 3)."""
+        first = centre.joints[0] + 1
+        local = self.own[first].T @ centre.point
+        return np.asarray(placed.position[first] + placed.rotation[first] @ local)
+
     def output(self, Q: Array, placed: Placed | None = None) -> tuple[Array, Array, Array]:
         """Return rotation (N, 3, 3), position (N, 3) and Jacobian (N, 6, n) of the output."""
         # Base axes; lengths over the length scale in the Jacobian only.
         placed = self.place(Q) if placed is None else placed
-        R, p = self._frame(placed, self._output)
+        R, p = self.frame(placed, self._output)
         linear, angular = self._velocity(placed, self._output[0], p)
         return R, p, np.concatenate([linear / self._scale, angular], axis=1) * self.units
 
@@ -544,8 +553,7 @@ def ball_jacobians(loops: BatchLoops, Q: Array) -> tuple[Array, Array]:
     placed = loops.place(Q)
     axis, pivot = placed.axis.copy(), placed.position.copy()
     for ball in hinged_balls(mechanism):
-        first = ball.joints[0] + 1
-        at = placed.position[first] + placed.rotation[first] @ (loops.own[first].T @ ball.point)
+        at = loops.centre(placed, ball)
         for joint, along in zip(ball.joints, np.eye(3), strict=True):
             axis[joint], pivot[joint + 1] = along, at
     whole = replace(placed, axis=axis, pivot=pivot)

@@ -368,8 +368,17 @@ def _solutions(
         if not flips:
             break
         pose, starts = np.array([i for i, _ in flips]), np.array([x for _, x in flips])
-    grouped = [_grouped(mechanism, leg, mine, solutions) for solutions in found]
-    return [_without_curves(mechanism, mine, modes) for modes in grouped]
+    owner = np.repeat(np.arange(len(found)), [len(solutions) for solutions in found])
+    Q = mechanism.space.fold(np.reshape(list(itertools.chain(*found)), (-1, mechanism.n)))
+    inside = ~mechanism.space.unreachable(Q)[:, mine].any(axis=1)
+    Q, owner = Q[inside], owner[inside]
+    marks, out = likeness(mechanism, Q, leg.joints), []
+    for i in range(len(reached)):
+        here = np.flatnonzero(owner == i)
+        alike = [here[group] for group in groups(marks[here])]
+        modes = [LegMode(Q[group[0]], len(group)) for group in alike]
+        out.append(_without_curves(mechanism, mine, modes))
+    return out
 
 
 def _without_curves(mechanism: Mechanism, mine: Bool, modes: list[LegMode]) -> list[LegMode]:
@@ -397,17 +406,6 @@ def _flipped(mechanism: Mechanism, q: Array, mine: Bool) -> Iterator[Array]:
             x[[first, *others[:1]]] += np.pi  # the first, and the third of a ball
             x[second] = middle
             yield x
-
-
-def _grouped(mechanism: Mechanism, leg: Leg, mine: Bool, solutions: list[Array]) -> list[LegMode]:
-    folded = [mechanism.space.fold(q) for q in solutions]
-    inside = [q for q in folded if not mechanism.space.unreachable(q)[mine].any()]
-    alike = (
-        groups([likeness(mechanism, q, leg.joints) for q in inside])
-        if len(inside) > 1  # rarely
-        else [[0]] * len(inside)
-    )
-    return [LegMode(inside[group[0]], len(group)) for group in alike]
 
 
 @dataclass(frozen=True, eq=False)
@@ -807,52 +805,36 @@ def led_pose(mechanism: Mechanism) -> dict[str, Any]:
     return {"rows": rows, "turn": {"kind": "axis", "at": angle, "zero": R.tolist()}}
 
 
-@dataclass(frozen=True)
-class Column:
-    """Numbers of a table, one for each row: metres, or radians where it ``turns``."""
-
-    title: str
-    values: Sequence[float]
-    turns: bool
-
-    def shown(self, degrees: bool) -> list[float]:
-        """As they are printed."""
-        unit = 180 / math.pi if degrees and self.turns else 1.0
-        return [unit * v for v in self.values]
-
-
 def pose_table(
     poses: Sequence[Pose],
     more: Sequence[Sequence[str]],
     titles: Sequence[str],
     degrees: bool = False,
     width: int = 100,
-    columns: Sequence[Column] = (),
+    columns: Sequence[tuple[str, Sequence[float]]] = (),
 ) -> list[str]:
     """Return table lines with a number, the coordinates that are not all zero, and more."""
-    # Where it would be wider than ``width`` with columns of numbers, coordinates that are the same
-    # in all rows are in a line above it.
+    # ``columns`` are titles and numbers as they are shown. Where it would be wider than ``width``
+    # with them, coordinates that are the same in all rows are in a line above it.
     if not poses:
         return []
-    # A half turn is always the positive one.
-    values = [
-        [*p.position, *(math.pi if v < ROUNDING - math.pi else v for v in p.angles)] for p in poses
-    ]
-    shown = [k for k in range(6) if any(abs(v[k]) > ROUNDING for v in values)] or [0, 1, 2]
-    pose = [Column(COORDINATES[k], [v[k] for v in values], k > 2) for k in shown]
-    changing = [c for c in pose if max(c.values) - min(c.values) > 1e-7]
-    alike = [c for c in pose if c not in changing] if columns and len(poses) > 1 else []
+    values = np.array([[*p.position, *p.angles] for p in poses])
+    values[:, 3:] += 2 * math.pi * (values[:, 3:] < ROUNDING - math.pi)  # a half turn is positive
+    units = [1.0] * 3 + [180 / math.pi if degrees else 1.0] * 3
+    shown = [k for k in range(6) if np.abs(values[:, k]).max() > ROUNDING] or [0, 1, 2]
+    alike = [k for k in shown if np.ptp(values[:, k]) <= 1e-7] if columns and len(poses) > 1 else []
     for left in ([], alike) if alike else ([],):
-        said = ", ".join(f"{c.title} = {_number(c.shown(degrees)[0], 5)}" for c in left)
-        head = [f"each at {said}"] if left else []
-        numbers = [*(c for c in pose if c not in left), *columns]
-        cells = list(zip(*(c.shown(degrees) for c in numbers), strict=True))
+        said = (f"{COORDINATES[k]} = {_number(units[k] * values[0, k], 5)}" for k in left)
+        head = [f"each at {', '.join(said)}"] if left else []
+        kept = [k for k in shown if k not in left]
+        numbers = [*((COORDINATES[k], units[k] * values[:, k]) for k in kept), *columns]
+        cells = list(zip(*(column for _, column in numbers), strict=True))
         for digits in (5, 4, 3):
             rows = [
                 (str(i), *(_number(v, digits) for v in row), *extra)
                 for i, (row, extra) in enumerate(zip(cells, more, strict=True), 1)
             ]
-            titled = ("", *(c.title for c in numbers), *titles)
+            titled = ("", *(title for title, _ in numbers), *titles)
             lines = aligned(titled, rows, len(numbers) + 2)
             if max(map(len, lines)) <= width:
                 # Spaces that do not break keep a row on its line.

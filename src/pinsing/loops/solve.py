@@ -39,7 +39,6 @@ from pinsing.loops.closure import (
     passive_joints,
     planar_dyad,
     ranks,
-    same,
     structure,
     to_its_size,
 )
@@ -221,7 +220,7 @@ class Curve:
                 out.append((new + self.mechanism.space.wrap(start - new), out[0][1]))
                 return out, True
             if not self._inside(new):
-                end = self._last_inside(q, t, step)
+                end = self._at_limit(q, new)
                 if np.abs((end - q) / self.units).max() > ROUNDING:
                     out.append((end, self.tangent(end, t)))
                 return out, False
@@ -236,19 +235,19 @@ class Curve:
     def _inside(self, q: Array) -> bool:
         return bool(((q >= self.low) & (q <= self.high)).all())
 
-    def _last_inside(self, q: Array, t: Array, step: float) -> Array:
-        """Where the curve meets the limit that a step from q would cross."""
-        good, short, long = q, 0.0, step
-        while long - short > ROUNDING / 4:
-            middle = (short + long) / 2
-            new = self.correct(q + middle * t * self.units, t)
-            if new is None:
-                break
-            if self._inside(new):
-                good, short = new, middle
-            else:
-                long = middle
-        return good
+    def _at_limit(self, q: Array, new: Array) -> Array:
+        """Where the curve meets the first limit on its way from q to ``new``."""
+        limits = np.clip(new, self.low + ROUNDING, self.high - ROUNDING)
+        part = (limits - q) / np.where(new == q, 1.0, new - q)
+        for j in sorted(np.flatnonzero(limits != new).tolist(), key=part.__getitem__):
+
+            def off(x: Array, j: int = j) -> tuple[Array, Array]:
+                return (x - limits)[[j]] / self.units[j], np.eye(len(x))[[j]]
+
+            end, error = gauss_newton(self.loops, q + part[j] * (new - q), self.free, 20, 1.0, off)
+            if error <= SOLVED and self._inside(end):
+                return end
+        return q
 
 
 class StoppedError(PinsingError):
@@ -378,31 +377,26 @@ def refined(
 
 def _of_one_mode(mechanism: Mechanism, found: list[SingularPoint]) -> list[SingularPoint]:
     """Points within the limits; of those that differ in flipped passive joints only, the first."""
-    out: list[SingularPoint] = []
-    marks: list[Array] = []
-    for point in found:
-        if mechanism.space.unreachable(point.q, ALIKE).any():
-            continue
-        mark = likeness(mechanism, point.q)
-        for k, (other, seen) in enumerate(zip(marks, out, strict=True)):
+    Q = np.reshape([p.q for p in found], (-1, mechanism.n))
+    inside = ~mechanism.space.unreachable(Q, ALIKE).any(axis=1)
+    marks, out = likeness(mechanism, Q), list[int]()
+    for k in np.flatnonzero(inside).tolist():
+        point = found[k]
+        for place, other in enumerate(out):
+            seen, away = found[other], float(np.abs(marks[k] - marks[other]).max())
             again = np.abs(mechanism.space.wrap(point.q - seen.q)).max() <= ALIKE
             # Where two of a kind meet, Newton ends with half the digits.
-            close = point.kind == seen.kind and bool(
-                np.abs(point.inputs - seen.inputs).max() <= 1e-6
-                and np.abs(mark - other).max() <= 5e-3
-            )
-            if again or close or same(mark, other):
+            near = point.kind == seen.kind and np.abs(point.inputs - seen.inputs).max() <= 1e-6
+            if again or away <= (5e-3 if near else ALIKE):
                 better = point.ratio < seen.ratio
                 if again:
                     # Found as type 1 and as type 2: what both say together is the kind.
                     better = point.range_end > seen.range_end and point.kind == seen.kind
-                if better:
-                    out[k], marks[k] = point, mark
+                out[place] = k if better else other
                 break
         else:
-            out.append(point)
-            marks.append(mark)
-    return out
+            out.append(k)
+    return [found[k] for k in out]
 
 
 def turns(t: Trace, index: int) -> list[int]:
@@ -413,14 +407,12 @@ def turns(t: Trace, index: int) -> list[int]:
     return _one_of_each_run(found.tolist(), np.abs(slope) <= ROUNDING)
 
 
-def _one_of_each_run(found: list[int], zero: Bool) -> list[int]:
-    """Of points in a run of samples that are zero throughout only that in the middle."""
+def _one_of_each_run(found: Sequence[int], zero: Bool) -> list[int]:
+    """Of points in a run of samples that are zero throughout only that nearest to the middle."""
     out = [k for k in found if not zero[k]]
-    steps = np.diff(np.pad(zero.astype(int), 1))
-    for a, b in zip(np.flatnonzero(steps > 0), np.flatnonzero(steps < 0) - 1, strict=True):
-        inside = [k for k in found if a <= k <= b]
-        middle = sorted(inside, key=lambda k: abs(k - (a + b) / 2))[:1]
-        out += inside if b - a < 3 else middle
+    for run in np.ma.clump_masked(np.ma.array(zero, mask=zero)):  # type: ignore[no-untyped-call]
+        inside = [k for k in found if run.start <= k < run.stop]
+        out += sorted(inside, key=lambda k: abs(2 * k - run.start - run.stop + 1))[:1]
     return sorted(out)
 
 
@@ -713,17 +705,17 @@ def curves(
     while known < len(out):
         known = len(out)
         found = closed_from_random(BatchLoops(mechanism), start, free, starts, rng)
+        begin: list[Array] = []
         for q, legs in zip(found, leg_modes(mechanism, found, passive, rng, 1), strict=True):
             if not all(legs):
                 continue
             for leg, modes in zip(structure(mechanism).legs, legs, strict=True):
                 q[list(leg.joints)] = modes[0].q[list(leg.joints)]
-            if mechanism.space.unreachable(mechanism.space.fold(q)).any():
-                continue
-            if any(t.passes(mechanism, q) for t in out):
-                continue
-            marks += [np.array([likeness(mechanism, x) for x in t.q]) for t in out[len(marks) :]]
-            if any(_on_line(m, likeness(mechanism, q)) for m in marks):
+            begin.append(q)
+        Q = np.reshape(begin, (-1, mechanism.n))
+        Q = Q[~mechanism.space.unreachable(Q).any(axis=1)]
+        for q, mark in zip(Q, likeness(mechanism, Q), strict=True):
+            if any(t.passes(mechanism, q) for t in out) or any(_on_line(m, mark) for m in marks):
                 continue
             if len(out) == MOST_CURVES:
                 return tuple(out)
@@ -731,6 +723,7 @@ def curves(
                 out.append(trace(mechanism, q, moving, over=over))
             except StoppedError:
                 return tuple(out)
+            marks.append(likeness(mechanism, out[-1].q))
     return tuple(out)
 
 
@@ -761,14 +754,9 @@ def intervals(mechanism: Mechanism, found: Sequence[Trace], moving: int) -> tupl
     pieces = []
     for t in found:
         # The ends are type 2 singularities: between samples, so they are refined.
-        value = t.q[:, index]
-        found_ends = (refined(mechanism, t, "type 2", k) for k in turns(t, index))
-        ends = np.array([point.q[index] for point in found_ends if point is not None])
-        if not mechanism.prismatic[index]:
-            # By the whole turns that bring them beside the curve's own values.
-            near = value[np.argmin(np.abs(np.sin((value[:, None] - ends) / 2)), axis=0)]
-            ends = ends + 2 * np.pi * np.round((near - ends) / (2 * np.pi))
-        value = np.concatenate([value, ends])
+        ends = [(t.q[k], refined(mechanism, t, "type 2", k)) for k in turns(t, index)]
+        beside = [q + mechanism.space.wrap(p.q - q) for q, p in ends if p is not None]
+        value = np.array([*t.q, *beside])[:, index]
         low, high = float(value.min()), float(value.max())
         if not mechanism.prismatic[index]:
             if high - low >= 2 * np.pi - 1e-6:
@@ -1045,21 +1033,16 @@ def _sought(
     problem = "direct" if direct else "inverse"
     count = f"{len(modes)} {_noun(problem, len(modes))}"
     more = f"{beyond} more pose{'s' * (beyond != 1)} beyond the joint limits"
-    if reached_all and not cut:
-        words = f"{count}: all there are, by {by}" + f"; {more}" * (beyond > 0)
-    else:
-        words = f"{count} found from {starts} starts" + f", {more}" * (beyond > 0)
-        words += "; no more can exist" if complete else "; more may exist"
+    words = f"{count}: all there are, by {by}" + f"; {more}" * (beyond > 0)
+    if not reached_all or cut:
         once = sum(hits[k] == 1 for k in kept)
-        if once and not complete:
-            was = "was" if once == 1 else "were"
-            words += f" ({once} of {len(kept)} poses {was} met only once)"
-        if bound is not None and not complete:
-            words += f", at most {bound} with limits left aside"
-        if number is not None and direct:
-            words += f"; there are {number}, by {by}"
-        elif number is not None and number > len(modes) and not cut:
-            words += f"; at most {number} within the limits of the actuators, by {by}"
+        few = f" ({once} of {len(kept)} poses {'was' if once == 1 else 'were'} met only once)"
+        most = f"; at most {number} within the limits of the actuators, by {by}"
+        words = f"{count} found from {starts} starts" + f", {more}" * (beyond > 0)
+        words += "; no more can exist" if complete else "; more may exist" + few * (once > 0)
+        words += f", at most {bound} with limits left aside" * (bound is not None and not complete)
+        words += f"; there are {number}, by {by}" * (number is not None and direct)
+        words += most * (not direct and not cut and (number or 0) > len(modes))
     if not complete and not spare and not cut:
         found = poses if direct else [m.q for m in modes]
         words += level_words(mechanism, found, None if target is None else target[1])
