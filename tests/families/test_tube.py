@@ -127,6 +127,17 @@ def test_boxes_keep_their_zeros_and_none_is_farther_than_told(name, attack):
             assert (far[alone, k] <= found[alone, 10 + k] + 1e-12).all()
 
 
+@pytest.mark.slow
+def test_one_curved_family_is_not_told_wider_than_it_has_to_be(attack, monkeypatch) -> None:
+    """An arm whose only family is a surface shows what each part of the search is worth."""
+    monkeypatch.setattr(tubes, "MOST", 1_000_000)
+    design = pinsing.load("gofa5")
+    robot = attack.perturb(design, np.random.default_rng(0))
+    tube = pinsing.closed_form(robot, design=design, prove=False).tube
+    assert tube.proven
+    assert math.degrees(tube.width) < 10.5  # 10.04; without some parts of it 20 and more
+
+
 def test_bounds_are_about_the_robot(form, attack) -> None:
     found = attack.find_singular(form.loaded, np.random.default_rng(6).uniform(-3, 3, (60, 6)))
     assert not pinsing.clearance(form, found).lower.any()
