@@ -157,6 +157,8 @@ def test_bounds_are_about_the_robot(form, attack) -> None:
     assert " rad from F3 of the design (" in str(there)
     assert "3 families of the design" in repr(monitor)
     assert "the nearest family shoulder (F3)" in str(monitor.update(Q))
+    said = pinsing.Monitor(form, weights=np.full(6, 0.5)).update(Q, np.eye(6)[1])
+    assert said.time_to_contact == pytest.approx(said.lower / 0.5)  # at the speed, weighted once
 
 
 def test_a_motion_meets_the_robots_own_singular_configuration(form, attack):

@@ -230,6 +230,8 @@ def test_other_bad_files(tmp_path: Path) -> None:
     np.savez(tmp_path / "no.npz", x=Q)
     np.savez(tmp_path / "back.npz", q=Q, t=t[::-1])
     np.savez(tmp_path / "nan.npz", q=Q, t=np.where(t == t[2], np.nan, t))
+    np.savez(tmp_path / "one.npz", q=Q, t=1.0)
+    np.savez(tmp_path / "across.npz", q=Q, t=t[None])
     np.save(tmp_path / "objects.npy", np.array([{}]), allow_pickle=True)
     (tmp_path / "noise.npy").write_bytes(b"\x93NUMPY nonsense")
     (tmp_path / "noise.npz").write_bytes(b"PK nonsense")
@@ -240,6 +242,8 @@ def test_other_bad_files(tmp_path: Path) -> None:
         ("no.npz", "array 'q'"),
         ("back.npz", "ascend"),
         ("nan.npz", "nan"),
+        ("one.npz", "'t' needs 5 times, one a sample; got ()"),
+        ("across.npz", "got (1, 5)"),
         ("objects.npy", "objects.npy"),
         ("noise.npy", "noise.npy"),
         ("noise.npz", "noise.npz"),

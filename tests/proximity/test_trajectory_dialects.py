@@ -422,6 +422,10 @@ def test_names_beside_an_array_are_the_joints(read):
     ):  # fmt: skip
         found = read(held, "a.npz")
         np.testing.assert_allclose(np.column_stack([found.t, found.Q]), timed())
+    both = read({"q": times, "names": heads, "t": T + 1}, "a.npz")
+    assert both.t.tolist() == (T + 1).tolist()
+    assert both.notes[0].startswith("columns: shoulder_pan_joint = 'J1 (deg)'")
+    assert both.notes[1:] == ("times are those of 't', not of the column of 'q'",)
     with pytest.raises(ConfigurationError, match="each of the 6 names in 'names'"):
         read({"q": Q[:, :5], "names": UR5}, "a.npz")
 

@@ -313,10 +313,17 @@ def _npz(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Trajecto
         found.t is not None and not heads,
         f"{path}: times are in {times!r} and in a column of {samples!r}: leave one out",
     )
-    if arrays[times].dtype.kind not in "fiu":
-        kind = arrays[times].dtype
-        raise ConfigurationError(f"{path}: times must be numbers, got an array of {kind}")
-    return replace(found, t=np.asarray(arrays[times], dtype=float), notes=(), seconds=False)
+    t, count = arrays[times], len(found.Q)
+    ConfigurationError.refuse_if(
+        t.dtype.kind not in "fiu", f"{path}: times must be numbers, got an array of {t.dtype}"
+    )
+    ConfigurationError.refuse_if(
+        t.shape != (count,), f"{path}: {times!r} needs {count} times, one a sample; got {t.shape}"
+    )
+    notes = [note for note in found.notes if heads and note != NO_TIMES]
+    twice = f"times are those of {times!r}, not of the column of {samples!r}"
+    notes += [twice] * (found.t is not None)
+    return replace(found, t=np.asarray(t, dtype=float), notes=tuple(notes), seconds=False)
 
 
 LARGEST_TEXT = 64 * MEBIBYTE  # bytes: a minute of reading
