@@ -1,6 +1,7 @@
 """One configuration: numbers against NumPy and Pinocchio, words against known geometry."""
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -175,6 +176,14 @@ def test_near_singular_says_how_little_is_left():
     assert [d.reason for d in state.dependences] == ["axes 4 and 6 are collinear"]
     assert at(arm, state.q, near_rtol=1e-5).status == "regular"
     assert at(arm, state.q, rtol=1e-2).status == "singular"
+
+
+def test_beside_a_singularity_a_design_has_the_task_of_its_robot():
+    arm, q = arm_of("ur5e"), [0.1, -1.03, 0.002, -0.8, 1.34, 0.3]
+    alone, copy = (a.with_task("position") for a in (arm, replace(arm, design=arm)))
+    (found,) = at(copy, q).dependences
+    assert (found,) == at(alone, q).dependences
+    assert found.reason == "joints 1, 2, 3, 4 and 5 move the tip within one plane only"
 
 
 @pytest.mark.parametrize("slide", [1e3, 1e9])

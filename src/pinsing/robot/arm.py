@@ -609,10 +609,12 @@ class Arm(Advised, Memory):
         >>> pinsing.load("planar3r").with_task("vx,vy", length_scale=0.4)
         <Arm: planar3r: 3 joints, base_link -> tool0, task vx,vy, length scale 0.4 m>
         """
+        judged = parse_task(self.task if task is None else task, tool_axis)
         return replace(
             self,
-            task=parse_task(self.task if task is None else task, tool_axis),
+            task=judged,
             length_scale=self.length_scale if length_scale is None else float(length_scale),
+            design=self.design and self.design.with_task(judged, length_scale),
         )
 
     def check(self, q: ArrayLike, name: str = "q") -> Array:

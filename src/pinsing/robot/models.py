@@ -183,7 +183,7 @@ def choose_chain(
     same_link = [f.name for f in tip_frames(model, chosen.path[-1]) if f.name != chosen.tip]
     if same_link:
         same = f"does not affect {task} singularities"
-        effect = same if task in ("pose", "orientation") else f"matters for the task {task}"
+        effect = same if task in ("pose", "orientation") else f"may matter for the task {task}"
         notes.append(
             f"tip {chosen.tip} (on the same link: {', '.join(same_link[:3])}"
             f"{', ...' * (len(same_link) > 3)}): the choice {effect}"
