@@ -1,8 +1,10 @@
 """A running robot: a verdict for each line, drops and silences said."""
 
 import json
+import os
 import signal
 import subprocess
+import threading
 import time
 from pathlib import Path
 
@@ -334,6 +336,15 @@ def test_a_long_line_is_one_that_cannot_be_read_and_takes_no_memory(form):
     error, good = said(form, [long, of()])
     assert "more than 1,048,576 characters" in error["error"]
     assert good["family"] == "F2"
+
+
+def test_a_stream_that_is_set_not_to_wait_goes_on():
+    end, start = os.pipe()
+    os.set_blocking(end, False)
+    writer = threading.Timer(0.1, lambda: (os.write(start, b"one\n"), os.close(start)))
+    writer.start()
+    with open(end, "rb", buffering=0) as stream:
+        assert list(lines_of(stream)) == ["one"]
 
 
 def test_a_second_head_is_taken_or_ends_the_stream(form):

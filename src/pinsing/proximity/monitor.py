@@ -11,6 +11,7 @@ import itertools
 import json
 import math
 import re
+import select
 import textwrap
 import threading
 from collections import deque
@@ -440,7 +441,10 @@ _MOVE = 1e-3
 def lines_of(raw: io.FileIO) -> Iterator[str]:
     """Lines of a file without buffer: none whose lock a thread that waits for a line would hold."""
     rest = b""
-    while data := raw.read(1 << 16):
+    while (data := raw.read(1 << 16)) != b"":
+        if data is None:  # set not to wait by someone who shares it
+            select.select([raw], [], [])
+            continue
         *whole, rest = (rest + data).split(b"\n")
         yield from (line.decode(errors="replace") for line in whole)
         rest = rest[: 4 * MEBIBYTE + 1]
