@@ -161,8 +161,9 @@ class State(JsonResult):
     always_idle : int
         Dimension of that space at almost every configuration: positive for redundant arms.
     dependences : tuple of AxisDependence
-        Which joint axes line up, and how; of a near-singular configuration where the singular one
-        beside it is (by a walk on the nominal geometry), none if it is farther than 0.2 rad.
+        Which joint axes line up, and how; of a near-singular configuration, and of one that is
+        singular by a loose ``rtol`` alone, where the singular one beside it is (by a walk on the
+        nominal geometry), none if it is farther than 0.2 rad.
     notes : tuple of str
         What else one should know.
     tip_speeds : TipSpeeds or None
@@ -316,7 +317,8 @@ def _meaning(state: State) -> Iterator[Line]:
 
 
 def _why(state: State) -> str:
-    return "why" if state.singular else "near where"
+    there = state.singular and state.sigma_ratio <= DEPENDENCE_RTOL
+    return "why" if there else "near where"
 
 
 def _joints(state: State, degrees: bool) -> Iterator[Line]:
@@ -524,7 +526,7 @@ def loss_at(arm: Arm, q: Array, rtol: float = SINGULAR_RTOL, near_rtol: float = 
     }
     tool = replace(tool, landmarks={f"the {c}": p for c, p in centres.items() if p is not None})
     tol = max(PRACTICAL, min(3 * ratio, 0.05)) if hardly else PRACTICAL
-    if hardly:
+    if hardly or ratio > DEPENDENCE_RTOL:
         dependences = _beside(arm, q)
     else:
         dependences = dependences_of(arm, J, q, axes, max(DEPENDENCE_RTOL, rtol))
