@@ -77,6 +77,8 @@ def step_through(page: Any) -> None:
 
 
 def click_a_family(page: Any) -> None:
+    # Left while a path into it is still to be computed.
+    page.evaluate("() => { const a = window.pinsing; a.play('into'); a.go(a.view.frame.q); }")
     page.locator(".entry").nth(2).click()
     until(page, "#nearest", "on F3")
 

@@ -393,11 +393,11 @@ class App {
   // "into" a singular configuration, or "along" the family.
   async play(kind) {
     if (this.entry === null) return;
-    const entry = this.page.entries[this.entry], { said } = PATHS[kind];
+    const { entry: index, pose } = this, { name } = this.page.entries[index], { said } = PATHS[kind];
     this.pause();
-    const frames = await this.meanwhile("computing the path\u2026", () => this.pathOf(this.entry, Math.max(this.pose, 0), kind));
+    const frames = await this.meanwhile("computing the path\u2026", () => this.pathOf(index, Math.max(pose, 0), kind));
     if (!frames) return;
-    this.say(frames.length ? `${said} ${entry.name}` : `no way to ${said} ${entry.name} was found here`);
+    this.say(frames.length ? `${said} ${name}` : `no way to ${said} ${name} was found here`);
     if (!frames.length) return;
     this.player.load(frames, kind);
     this.panel.playing(kind);
