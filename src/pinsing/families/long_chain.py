@@ -290,8 +290,8 @@ def gaps(open_ends: Counter[str], n: int) -> list[str]:
     ]
     if waiting := open_ends["waiting"]:
         out.append(
-            f"{waiting} more sets of joint values were waiting when the time was over: "
-            "more time looks at them"
+            f"{waiting} more {'set' if waiting == 1 else 'sets'} of joint values waited for a turn "
+            "when the time was over: more time looks at them"
         )
     if unseen := open_ends["unseen"]:
         out.append(f"no real point was met on {_systems(unseen)}, left out here")
