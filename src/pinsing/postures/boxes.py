@@ -82,6 +82,18 @@ def slope(f: TrigSum, x: Array, h: Array, v: Array) -> tuple[Array, Array]:
     return np.einsum("nd,nd->n", f.at(x).gradient, v), error
 
 
+def growth_steps(f: TrigSum, x: Array, free: Array) -> Array:
+    """Return directions (N, d) in which all terms grow by themselves, as far as possible."""
+    # Least squares for ``k_t v = d f / d (k_t x)``, in joints that are ``free`` (N, d) only.
+    wave = -f.amplitude * np.sin(x @ f.rate.T + f.phase)
+    K = f.rate[None] * free[:, None, :]
+    gram = K.transpose(0, 2, 1) @ K
+    trace = np.einsum("kii->k", gram)[:, None, None]
+    gram = gram + np.eye(x.shape[1]) * np.maximum(1e-9 * trace, 1e-300)
+    right = np.einsum("ntd,nt->nd", K, wave)[..., None]
+    return np.asarray(np.linalg.solve(gram, right)[..., 0] * free)
+
+
 def _grown(x: Array) -> Array:
     return np.asarray(1 + np.abs(x).max(axis=1, initial=0.0))
 
@@ -185,16 +197,24 @@ def is_regular(
     ground: Ground, known: Sequence[OnBoxes], open_: Sequence[int], x: Array, h: Array, side: Array
 ) -> Bool:
     """Return whether the product of all |f| grows somewhere, for all open equations' signs."""
-    good: Bool = np.full(len(x), len(open_) <= ground.d)
+    if len(open_) > ground.d:
+        return np.zeros(len(x), dtype=bool)
+    good = np.ones(len(x), dtype=bool)
     for s in product((-1.0, 1.0), repeat=len(open_)):
-        if not good.any():
-            break
-        v = _direction(ground, known, open_, s, side)
-        grows = _grows(ground, known, open_, s, x, h, v)
+        grows = ~good
+        for together in (True, False):
+            left = np.flatnonzero(~grows)
+            if not len(left):
+                break
+            here = [k.take(left) for k in known]
+            v = _direction(ground, here, open_, s, x[left], side[left], together)
+            grows[left] = _grows(ground, here, open_, s, x[left], h[left], v)
         left = np.flatnonzero(~grows)
-        if len(ground.terms) == 1:
+        if len(left) and len(ground.terms) == 1:
             grows[left] = _bends(ground, s[0], x[left], h[left], side[left])
         good &= grows
+        if not good.any():
+            break
     return good
 
 
@@ -226,24 +246,35 @@ def _direction(
     known: Sequence[OnBoxes],
     open_: Sequence[int],
     s: Sequence[float],
+    x: Array,
     side: Array,
+    together: bool,
 ) -> Array:
-    """Directions in which all open s f grow to first order, none of them out of a limit."""
-    free = np.ones(side.shape) * ground.scale
+    """Directions in which all open s f grow to first order, none of them out of a limit.
+
+    Those in which every term grows, if ``together``, and there is one equation without slides.
+    """
+    terms, free = ground.terms[open_[0]], np.ones(side.shape) * ground.scale
+    together &= len(open_) == 1 and not len(terms.slides)
     A = np.stack([known[i].gradient for i in open_], axis=1)  # (K, u, d)
     for _ in range(3):
         B = A * free[:, None, :]
-        gram = B @ B.transpose(0, 2, 1)
-        trace = np.einsum("kii->k", gram)[:, None, None]
-        gram = gram + np.eye(len(s)) * np.maximum(trace * 1e-12, 1e-300)
-        size = np.sqrt(np.einsum("kii->ki", gram))
-        weight = np.linalg.solve(gram, (np.array(s) * size)[..., None])[..., 0]
-        v = np.einsum("kud,ku->kd", B, weight) * free
+        if together:
+            v = s[0] * growth_steps(terms, x, free)
+        elif len(s) == 1:
+            v = s[0] * B[:, 0] * free
+        else:
+            gram = B @ B.transpose(0, 2, 1)
+            trace = np.einsum("kii->k", gram)[:, None, None]
+            gram = gram + np.eye(len(s)) * np.maximum(trace * 1e-12, 1e-300)
+            size = np.sqrt(np.einsum("kii->ki", gram))
+            weight = np.linalg.solve(gram, (np.array(s) * size)[..., None])[..., 0]
+            v = np.einsum("kud,ku->kd", B, weight) * free
         outward = np.where(np.isnan(side), v != 0, side * v < 0)
         v, free = np.where(outward, 0.0, v), np.where(outward, 0.0, free)
         if not outward.any():
             break
-    return np.asarray(v)
+    return v
 
 
 def _bends(ground: Ground, s: float, x: Array, h: Array, side: Array) -> Bool:
