@@ -84,6 +84,16 @@ def test_a_form_is_a_sum_of_multiples_of_others():
     assert combination(Ring([False, False], [2]), p * x2, [p]) is None
 
 
+def test_resultants_of_one_term_are_those_that_remainders_give():
+    ring = Ring([False, False], [2])
+    (_, y1), (x2, y2) = ring.pairs
+    g = ring.parse("1x2 2x1y1y2 -1y1^2s2")
+    for p in (3 * y1**4 * y2, ring.parse("1s2") * y1**3, y1 * x2**2):
+        of_p = ring.resultant(p, g, 0)
+        assert of_p == ring.reduced(p.resultant(g.subs({"x1": 1}), "y1")) != 0
+    assert ring.resultant(y1**2, y1 * g, 0) == 0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "how"),

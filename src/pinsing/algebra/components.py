@@ -873,8 +873,9 @@ def decompose(
             search.run(SearchPlace(values, minors, limit))
         except BudgetExceeded as reason:
             inside_of = f" among sets inside {search.depth} simultaneous equations or more"
-            where = inside_of if search.depth else ""
-            search.gaps.append(f"not all minors were searched{where}: {reason}")
+            search.gaps.append(
+                f"not all minors were searched{inside_of if search.depth else ''}: {reason}"
+            )
         components = found.irredundant(time)
         second = ask_again(search.asked, components, ring, time.part(1.0, _TO_ASK))
         return Decomposition(components, [*search.gaps, *second.gaps], second)
@@ -885,5 +886,5 @@ def decompose(
     # Points that found some are gone with the child: only division shows which lie in others.
     left = merged([], sorted([*found.all, *ended.told], key=by_size), ring)
     asked = RandomSteps(len(search.asked) + 1, (WORD_PRIME,), (FIRST_SEED,), (ended.reason,))
-    unsearched = f"not all minors were searched: {ended.reason}"
-    return Decomposition(left, [*search.gaps, unsearched], asked)
+    search.gaps.append(f"not all minors were searched: {ended.reason}")
+    return Decomposition(left, search.gaps, asked)

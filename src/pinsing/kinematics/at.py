@@ -317,8 +317,7 @@ def _meaning(state: State) -> Iterator[Line]:
 
 
 def _why(state: State) -> str:
-    there = state.singular and state.sigma_ratio <= DEPENDENCE_RTOL
-    return "why" if there else "near where"
+    return "why" if state.singular and state.sigma_ratio <= DEPENDENCE_RTOL else "near where"
 
 
 def _joints(state: State, degrees: bool) -> Iterator[Line]:
