@@ -64,6 +64,7 @@ def test_singular_points_that_need_other_joints_are_not_marked() -> None:
     marks = [line for line in ax.get_lines() if line.get_marker() == "o" and len(line.get_xdata())]
     x = np.concatenate([np.asarray(line.get_xdata()) for line in marks])
     np.testing.assert_allclose(np.unique(np.round(x, 6)), [-3.141593, 0, 3.141593], atol=1e-6)
+    assert r"$q_{2}$ = $\pi/3$" in ax.get_legend().get_title().get_text()
 
 
 def test_every_true_zero_is_marked_with_the_arm_alone() -> None:

@@ -147,9 +147,7 @@ def _rest(result: SweepResult, fixed: Mapping[str, float], degrees: bool) -> str
     """Return where joints rest that neither move nor are held, in two lines at most."""
     arm, q = result.arm, result.plan.nominal
     said = [
-        _held(arm, name, float(f"{q[j]:.4g}"), degrees)
-        for j, name in enumerate(arm.joints)
-        if name not in fixed
+        _held(arm, name, q[j], degrees) for j, name in enumerate(arm.joints) if name not in fixed
     ]
     half = len(said) if len(said) <= 4 else (len(said) + 1) // 2
     lines = [", ".join(some) for some in (said[:half], said[half:]) if some]
