@@ -360,7 +360,7 @@ def _ellipsoid(what: str, ellipsoid: VelocityEllipsoid, rotation: Array) -> Iter
 def _allowed(state: State, speeds: TipSpeeds) -> Iterator[Line]:
     """Return what the joint speed limits allow in every direction, and what limits it."""
     rows = parse_task(state.arm.task).rows
-    both = "held" if min(rows) < 3 <= max(rows) else "free"
+    how = "held" if min(rows) < 3 <= max(rows) else "free"
     lines: list[Span] = []
     for speed, unit, joints, direction, verb, held in (
         (speeds.linear, "m/s", speeds.linear_joints, speeds.linear_direction, "along",
@@ -371,7 +371,7 @@ def _allowed(state: State, speeds: TipSpeeds) -> Iterator[Line]:
         if math.isfinite(speed):
             number = unbroken(f"{_short(speed):>9} {unit}")
             limit = f"(limit: {listed(joints)}, {verb} {vector(direction, 3)})"
-            lines.append(measured(f"{number} in every direction, {held} {both} {limit}"))
+            lines.append(measured(f"{number} in every direction, {held} {how} {limit}"))
     share = "some direction is lost"
     if math.isfinite(speeds.share):
         percent = f"{100 * speeds.share:{',.0f' if speeds.share > 9.99 else '.3g'}} %"

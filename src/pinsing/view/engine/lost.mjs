@@ -198,7 +198,7 @@ function sizeOf(J) {
 const landmarks = (data, J, tip) =>
   data.centres.map(({ name, joints }) => ({ name: `the ${name}`, at: meetingPoint(J, joints, tip) }));
 
-// Why joint axes depend on each other, in words that hold at the configuration shown.
+// Why joint axes depend on each other, at the configuration shown or the singular one beside it.
 //
 // Five independent twists leave one wrench that none of them works against. Where its pitch is zero
 // all turning axes meet its line or are parallel to it; any other pitch makes them members of one
@@ -208,7 +208,7 @@ const landmarks = (data, J, tip) =>
 const COUNTS = { 5: "five ", 6: "six ", 7: "seven " };
 const COMPLEX = "linear complex";
 
-// One sentence for each dependent set of joints (from 0). `family` is that which the configuration
+// One sentence for each dependent set of joints (from 0). `family` is that which the configuration of J
 // is on, or null; `tol` is in radians, and a share of the arm's length.
 export function reasons(dependent, family, J, task, tol) {
   const told = family?.reason && dependent.length === 1 ? family.reason : "";
