@@ -1,15 +1,17 @@
 """Chains, matrices and independent references for the tests of the batch kernel."""
 
-from collections.abc import Iterator
-from importlib.metadata import distribution
+from collections.abc import Callable, Iterator
 
 import numpy as np
-import pinocchio as pin
+from arms import data_robot, ur5
 
 from pinsing.measures import Chain
-from pinsing.robot.models import axis_rotation, joint_axis
+from pinsing.robot.arm import Arm
 
-ROBOTS = "cmeel.prefix/share/example-robot-data/robots"
+ROBOTS: dict[str, Callable[[], Arm]] = {
+    "ur5": ur5,
+    "panda": lambda: data_robot("panda_description/urdf/panda.urdf", tip="panda_hand_tcp"),
+}
 
 
 def random_rotation(rng: np.random.Generator) -> np.ndarray:
@@ -53,34 +55,6 @@ def reference_jacobian(chain: Chain, q: np.ndarray) -> np.ndarray:
         else:
             J[:3, i], J[3:, i] = np.cross(z, T[:3, 3] - frame[:3, 3]), z
     return J
-
-
-def flat(model: pin.Model, frame: str) -> Chain:
-    """Flatten a serial ``pin.Model``, tip at ``frame``."""
-    before, R, t, sliding = np.eye(3), [], [], []
-    for i in range(1, model.njoints):
-        axis, prismatic = joint_axis(model.joints[i])
-        placement, turned = model.jointPlacements[i], axis_rotation(axis)
-        R.append(before.T @ placement.rotation @ turned)
-        t.append(before.T @ placement.translation)
-        sliding.append(prismatic)
-        before = turned
-    tip = model.frames[model.getFrameId(frame)].placement
-    R.append(before.T @ tip.rotation)
-    t.append(before.T @ tip.translation)
-    return Chain(np.array(R), np.array(t), np.array(sliding))
-
-
-def robot(path: str, locked: tuple[str, ...] = ()) -> pin.Model:
-    file = distribution("example-robot-data").locate_file(f"{ROBOTS}/{path}")
-    model = pin.buildModelFromUrdf(str(file))
-    ids = [model.getJointId(name) for name in locked]
-    return pin.buildReducedModel(model, ids, pin.neutral(model)) if ids else model
-
-
-UR5 = ("ur_description/urdf/ur5_robot.urdf", "tool0", ())
-_FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
-PANDA = ("panda_description/urdf/panda.urdf", "panda_hand_tcp", _FINGERS)
 
 
 def low_rank(rng: np.random.Generator, N: int, m: int, n: int, rank: int) -> np.ndarray:

@@ -8,6 +8,7 @@ whose Jacobian vanishes altogether is judged rightly too.
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from arms import place, serial
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.jacobian_matrix import constants
-from pinsing.algebra.ring import make_ring
+from pinsing.algebra.ring import Poly, Ring, make_ring
 from pinsing.families import ClosedForm, closed_form
 from pinsing.kinematics.jacobian import generic_rank, task_jacobians
 from pinsing.kinematics.refine import walk
@@ -257,3 +258,20 @@ def ring_for(geometry: Nominal) -> Any:
     """The ring that an arm's Jacobian is over."""
     slides = tuple(bool(p) for p in geometry.arm.prismatic)
     return make_ring(slides, constants(geometry, geometry.arm.task), Budget(60))
+
+
+def random_form(ring: Ring, rng: np.random.Generator, degrees: Sequence[int], count: int) -> Poly:
+    """Of given degrees in each revolute joint's pair, of all up to them in slides; random terms."""
+    gens = ring.context.gens()
+    total = ring.zero
+    for _ in range(count):
+        number = Fraction(int(rng.choice([-1, 1]) * rng.integers(1, 41)), int(rng.integers(1, 10)))
+        term = ring.number(number)
+        for j, degree in enumerate(degrees):
+            k = int(rng.integers(0, degree + 1))
+            x, *y = ring.variables(j)
+            term = term * gens[x] ** k
+            if not ring.prismatic[j]:
+                term = term * gens[y[0]] ** (degree - k)
+        total = total + term
+    return total

@@ -36,12 +36,9 @@ ISA = {
     "avx512": ("-mavx2", "-mfma", "-mavx512f", "-mavx512dq", "-mavx512vl", "-mavx512bw"),
 }
 TESTS = (
-    *(f"tests/batch/test_batch{name}.py" for name in ("", "_svd", "_roots")),
-    *(
-        "tests/kinematics/test_refine.py",
-        "tests/algebra/test_zeros.py",
-    ),  # the walks are of the first
-)
+    *("tests/batch/test_batch.py", "tests/batch/test_batch_roots.py"),
+    *("tests/kinematics/test_refine.py", "tests/algebra/test_generic_points.py"),
+)  # the walks are of the third
 _CLEARANCE = "tests/proximity/test_clearance.py::test_the_compiled_bounds_are_those_of_numpy"
 
 PLUGIN = '''

@@ -1,17 +1,26 @@
 """The compiled batch kernel against NumPy, LAPACK and Pinocchio, on every instruction set here."""
 
+import itertools
 import os
 
 import numpy as np
-import pinocchio as pin
 import pytest
-from batch_cases import PANDA, UR5, close, flat, lapack, random_chain, reference_jacobian, robot
+from arms import pinocchio_jacobian
+from batch_cases import (
+    ROBOTS,
+    close,
+    lapack,
+    matrices,
+    random_chain,
+    reference_jacobian,
+)
 from command_line import python
 from kernel import require_kernel
-from tiers import sampled, tiered
+from tiers import sampled, tiered, tiered_rows
 
 from pinsing._batch import engine
 from pinsing.measures import Chain
+from pinsing.robot.nominal import flatten
 
 require_kernel()
 
@@ -33,16 +42,12 @@ def test_jacobians_of_random_chains(isa: str, n: int, kind: str) -> None:
     np.testing.assert_allclose(J, expected, rtol=0, atol=4e-15 * n * scale)
 
 
-@pytest.mark.parametrize(("path", "tip", "locked"), [UR5, PANDA], ids=["ur5", "panda"])
-def test_jacobians_equal_pinocchio(isa: str, path: str, tip: str, locked: tuple[str, ...]) -> None:
-    model = robot(path, locked)
-    data, frame = model.createData(), model.getFrameId(tip)
-    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (300, model.nv))
-    expected = [
-        pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED).copy() for q in Q
-    ]
-    J = engine.jacobians(flat(model, tip), Q, isa=isa)
-    assert np.abs(J - np.array(expected)).max() < 1e-12
+@pytest.mark.parametrize("name", ROBOTS)
+def test_jacobians_equal_pinocchio(isa: str, name: str) -> None:
+    arm = ROBOTS[name]()
+    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (300, arm.n))
+    expected = np.array([pinocchio_jacobian(arm, q) for q in Q])
+    assert np.abs(engine.jacobians(flatten(arm), Q, isa=isa) - expected).max() < 1e-12
 
 
 def test_sine_and_cosine_at_any_angle(isa: str) -> None:
@@ -84,10 +89,10 @@ def test_singular_values_of_random_chains(isa: str, n: int, kind: str) -> None:
             assert (np.abs(S - expected) <= 1e-14 * n * np.maximum(expected[:, :1], 1)).all()
 
 
-@pytest.mark.parametrize(("path", "tip", "locked"), [UR5, PANDA], ids=["ur5", "panda"])
-def test_singular_configurations(isa: str, path: str, tip: str, locked: tuple[str, ...]) -> None:
+@pytest.mark.parametrize("name", ROBOTS)
+def test_singular_configurations(isa: str, name: str) -> None:
     # All joints at multiples of 90 degrees, and near them: rank lost once or several times.
-    chain = flat(robot(path, locked), tip)
+    chain = flatten(ROBOTS[name]())
     rng = np.random.default_rng(6)
     Q = rng.integers(-2, 3, (3000, chain.n)) * (np.pi / 2)
     Q[1000:] += 10 ** rng.uniform(-17, -2, (2000, 1)) * rng.standard_normal((2000, chain.n))
@@ -114,16 +119,12 @@ def test_a_tip_on_the_last_axis(isa: str, n: int) -> None:
         chain = Chain(R, t, chain.prismatic)
         Q = rng.uniform(-3, 3, (400, n))
         Q[:100] = rng.integers(-4, 5, (100, n)) * np.pi / 4  # many of them singular
-        Q[100:200] = Q[:100] + rng.standard_normal((100, n)) * 10.0 ** rng.uniform(
-            -12, -2, (100, 1)
-        )
+        steps = 10.0 ** rng.uniform(-12, -2, (100, 1))
+        Q[100:200] = Q[:100] + rng.standard_normal((100, n)) * steps
         S = engine.singular_values(chain, Q, threads=1, isa=isa)
-        expected = lapack(engine.jacobians(chain, Q, threads=1, isa=isa))
-        assert close(S, expected)
-        parts = [
-            engine.singular_values(chain, Q[k : k + 7], threads=1, isa=isa)
-            for k in range(0, 400, 7)
-        ]
+        assert close(S, lapack(engine.jacobians(chain, Q, threads=1, isa=isa)))
+        some = np.split(Q, range(7, 400, 7))
+        parts = [engine.singular_values(chain, part, threads=1, isa=isa) for part in some]
         assert (np.concatenate(parts) == S).all()
 
 
@@ -138,9 +139,10 @@ def test_threads_and_chunks_do_not_change_a_bit(isa: str) -> None:
     S = engine.singular_values(chain, Q, isa=isa, threads=1)
     V = engine.svdvals(J, isa=isa, threads=1)
     for threads in (2, 3, 16, None):
-        assert np.array_equal(J, engine.jacobians(chain, Q, isa=isa, threads=threads))
-        assert np.array_equal(S, engine.singular_values(chain, Q, isa=isa, threads=threads))
-        assert np.array_equal(V, engine.svdvals(J, isa=isa, threads=threads))
+        how = {"isa": isa, "threads": threads}
+        assert np.array_equal(J, engine.jacobians(chain, Q, **how))
+        assert np.array_equal(S, engine.singular_values(chain, Q, **how))
+        assert np.array_equal(V, engine.svdvals(J, **how))
     for i in (0, 1, 13, 4099, N - 1):
         assert np.array_equal(J[i], engine.jacobians(chain, Q[i : i + 1], isa=isa)[0])
         assert np.array_equal(S[i], engine.singular_values(chain, Q[i : i + 1], isa=isa)[0])
@@ -204,11 +206,9 @@ def test_values_that_are_not_finite_are_refused(isa: str, bad: float, at: int) -
     Q = np.zeros((7000, 6))
     Q[at, 3] = bad
     Q[min(at + 3000, 6999), 0] = bad
-    for threads in (1, 3):
+    for threads, compute in itertools.product((1, 3), (engine.jacobians, engine.singular_values)):
         with pytest.raises(ValueError, match=rf"Q\[{at}\] holds a value that is not finite"):
-            engine.jacobians(chain, Q, isa=isa, threads=threads)
-        with pytest.raises(ValueError, match=rf"Q\[{at}\] holds a value that is not finite"):
-            engine.singular_values(chain, Q, isa=isa, threads=threads)
+            compute(chain, Q, isa=isa, threads=threads)
     with pytest.raises(ValueError, match="not finite"):
         engine.svdvals(Q.reshape(-1, 2, 3), isa=isa)
 
@@ -236,13 +236,14 @@ def test_the_kernel_itself_checks_shapes(isa: str) -> None:
         engine._kernel.jacobians(*less, np.zeros((3, 6)), isa, 1)
     with pytest.raises(ValueError, match="not covered"):
         engine._kernel.svdvals(np.zeros((3, 7, 7)), isa, 1)
-    nothing = {name: np.zeros(0) for name in ("value", "noise", "reach", "curvature", "steepness")}
-    nothing |= {name: np.zeros(0) for name in ("amplitude", "phase", "rate_norm", "rate")}
-    names = ("family", "value_joint", "rate_joint", "power_joint", "power")
-    nothing |= {name: np.zeros(0, dtype=np.int64) for name in names}
-    names = ("value_start", "equation_start", "term_start", "rate_start", "power_start")
-    nothing |= {name: np.zeros(1, dtype=np.int64) for name in names}
-    flat = nothing | {"turn": np.zeros(2), "sliding": np.zeros(0, dtype=bool)}
+    names = {
+        float: "value noise reach curvature steepness amplitude phase rate_norm rate",
+        np.int64: "family value_joint rate_joint power_joint power",
+    }
+    flat = {name: np.zeros(0, kind) for kind, some in names.items() for name in some.split()}
+    for name in ("value", "equation", "term", "rate", "power"):
+        flat[f"{name}_start"] = np.zeros(1, np.int64)
+    flat |= {"turn": np.zeros(2), "sliding": np.zeros(0, bool)}
     conditions, wide = engine._kernel.ConditionSet(0, flat, False), np.full(2, np.inf)
     for X in (np.array(0.0), np.zeros(2), np.zeros((3, 3)), np.zeros((1, 1, 2))):
         with pytest.raises(ValueError, match="Q must have shape"):
@@ -259,3 +260,61 @@ def test_without_the_extension_the_reason_is_given(isa: str) -> None:
         "assert 'reinstall' in engine.unavailable_reason()"
     )
     assert "compiler" in python("-c", code, check=True).stdout
+
+
+# ---- singular values of matrices, against LAPACK
+
+SHAPES = [(6, 7), (6, 6), (6, 4), (5, 6), (3, 7), (3, 3), (2, 5), (1, 4), (6, 9), (4, 16), (6, 32)]
+
+
+@pytest.mark.parametrize(("m", "n"), sampled(tiered_rows(SHAPES, (SHAPES[0], *SHAPES[2:7]))))
+def test_svdvals_are_lapacks(isa: str, m: int, n: int) -> None:
+    N = 1000 if n in (6, 7) else 200
+    for name, A, expected in matrices(m, n, N):
+        S = engine.svdvals(A, isa=isa)
+        assert S.shape == expected.shape
+        assert (np.diff(S, axis=1) <= 0).all(), name
+        assert (S >= 0).all(), name
+        assert close(S, expected), name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("m", "n"), [(6, 7), (6, 6)])
+def test_svdvals_are_lapacks_at_length(isa: str, m: int, n: int) -> None:
+    total = 0
+    for name, A, expected in matrices(m, n, 10_000):
+        total += len(A)
+        assert close(engine.svdvals(A, isa=isa), expected), name
+    assert total >= 200_000
+
+
+def test_graded_values_to_rounding_of_the_largest(isa: str) -> None:
+    # Orthogonal rows of very different length, in any order: their lengths are the singular
+    # values. A bidiagonalisation mixes rows, so the small ones have no digits of their own
+    # (LAPACK's have none either); but nothing is off by more than rounding of the largest.
+    lengths = 10.0 ** -np.arange(0, 90, 15)
+    rows = []
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        orthogonal = np.linalg.qr(rng.standard_normal((7, 6)))[0].T
+        ordered = np.diag(lengths) @ orthogonal
+        rows += [ordered, ordered[rng.permutation(6)]]
+    A = np.array(rows)
+    S = engine.svdvals(A, isa=isa)
+    for expected in (lengths, lapack(A)):
+        assert np.abs(S - expected).max() <= 5e-15
+    # Eigenvalues of A A^T would be off by as much as the root of that.
+    tall = 10.0 ** -np.arange(0, 12, 2)
+    B = np.array([np.diag(tall) @ np.linalg.qr(M.T)[0].T for M in A])
+    np.testing.assert_allclose(engine.svdvals(B, isa=isa)[:, -1], 1e-10, rtol=5e-5)
+
+
+def test_larger_matrices_go_to_lapack(isa: str) -> None:
+    A = np.random.default_rng(5).standard_normal((5, 7, 8))
+    np.testing.assert_allclose(engine.svdvals(A, isa=isa), lapack(A), rtol=1e-13)
+
+
+def test_jacobians_that_overflow_are_refused(isa: str) -> None:
+    chain = Chain(np.array([np.eye(3)] * 2), np.array([[0.0, 0, 0], [1, 0, 0]]), np.array([False]))
+    with pytest.raises(ValueError, match="a Jacobian overflows"):
+        engine.singular_values(chain, np.zeros((3, 1)), length_scale=1e-320, isa=isa)

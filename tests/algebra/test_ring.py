@@ -1,17 +1,60 @@
-"""Factors and common divisors of polynomials with square roots in them."""
+"""Factors, common divisors and roots of polynomials, with square roots in them or none."""
 
 import itertools
 import math
 from fractions import Fraction
+from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
+from singular_sets import random_form
 from tiers import tiered
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.real_roots import real_roots
 from pinsing.algebra.ring import _EXPONENTS, WORD_PRIME, Ring, make_ring
 from pinsing.robot.surd import cosine, residue, root_modulo, surd
+
+RING = make_ring((False, True, False, False))
+X1, Y1, Z, X3, Y3, X4, Y4 = RING.context.gens()
+
+
+def by_flint(poly: Any) -> list[str]:
+    """Without x^2 + y^2."""
+    factors = [f for f, _ in poly.factor()[1]]
+    return sorted(str(f) for f in factors if all(w is None or f != w for w in RING.w))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_forms_fall_into_the_same_factors(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    shapes = ((2, seed % 3, 3, 2), 9), ((1, 1, 0, 2), 5), ((0, seed % 2, 2, 1), 4)
+    one, other, square = (random_form(RING, rng, *shape) for shape in shapes)
+    for poly in (
+        one * other,
+        one * X1 * Y1**2 * Y4 * (X3**2 + Y3**2),
+        one * other * square**2 * Z * Y3,
+        (one * other) * 7 * X4,
+    ):
+        whole = RING._of_form(poly)
+        found = [f for f in whole if all(w is None or f != w for w in RING.w)]
+        assert sorted(map(str, found)) == by_flint(poly) == sorted(map(str, RING.factors(poly)))
+        joints = [min(RING.joints_of(f)) for f in found]
+        assert joints == sorted(joints, reverse=True)
+
+
+def test_what_is_no_form_is_left_to_flint() -> None:
+    rng = np.random.default_rng(3)
+    poly = (X1 + Y1 + 1) * (random_form(RING, rng, (2, 1, 2, 2), 14) + 5)
+    assert len(poly) >= 20
+    assert RING._of_form(poly) is None
+    assert sorted(map(str, RING.factors(poly))) == by_flint(poly)
+    whole = random_form(RING, rng, (2, 1, 2, 2), 30)
+    for v in (X1, Y1, X3, Y3, X4, Y4):
+        assert RING._of_form(whole * v + whole) is None
+    assert RING._of_form(whole * Z + whole) is not None  # a slide may have any power
+
 
 ROOT2, ROOT3, ROOT6 = (surd(*(Fraction(int(i == k)) for i in range(4))) for k in (1, 2, 3))
 
@@ -69,9 +112,8 @@ def test_a_rational_polynomial_falls_apart_only_over_the_right_root():
     x, y, *_ = gens(r)
     two = r.factors(x**2 - 2 * y**2)
     assert set(map(str, two)) == {str(x - r.number(ROOT2) * y), str(x + r.number(ROOT2) * y)}
-    assert len(r.factors(x**2 - 3 * y**2)) == 1
-    assert len(r.factors(x**2 - 5 * y**2)) == 1
-    assert len(r.factors(x**4 - 10 * x**2 * y**2 + y**4)) == 2  # roots +-sqrt 2 +-sqrt 3
+    quartic = x**4 - 10 * x**2 * y**2 + y**4  # roots +-sqrt 2 +-sqrt 3
+    assert [len(r.factors(p)) for p in (x**2 - 3 * y**2, x**2 - 5 * y**2, quartic)] == [1, 1, 2]
     r = ring(ROOT2, ROOT3)
     x, y, *_ = gens(r)
     assert len(r.factors(x**4 - 10 * x**2 * y**2 + y**4)) == 4
@@ -132,12 +174,9 @@ def test_common_divisors(data):
     shared, one, other = (product(r, data.draw(factors_of(r))) for _ in range(3))
     a, b = r.reduce(shared * one), r.reduce(shared * other)
     common = r.gcd(a, b)
-    assert r.divides(common, a)
-    assert r.divides(common, b)
-    assert r.is_constant(shared) or r.divides(common, common)
+    assert all(r.divides(common, p) for p in (a, b))
     assert r.divides(r.monic(shared), common)
-    left = r.gcd(r.quotient(a, common), r.quotient(b, common))
-    assert r.is_constant(left)
+    assert r.is_constant(r.gcd(r.quotient(a, common), r.quotient(b, common)))
     assert r.gcd(a, r.zero) == r.monic(a)
 
 

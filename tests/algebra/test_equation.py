@@ -1,4 +1,4 @@
-"""Equations: values, gradients, and that the printed text says the same as the numbers."""
+"""Equations: exact, with values and slopes; and their text says the same as the numbers."""
 
 import math
 from fractions import Fraction
@@ -7,35 +7,81 @@ import numpy as np
 import pytest
 from arms import differences
 from printed import value_of
-from singular_sets import RIGHT, Array, arm_of, closed, terms
+from singular_sets import RIGHT, Array, arm_of, closed, random_form, terms
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.equation import equation
+from pinsing.algebra.equation import equation, fourier
 from pinsing.algebra.ring import Poly, Ring, make_ring
 from pinsing.families import Equation
 from pinsing.families.zero_set import fix_joint, never_zero, proven_empty
 from pinsing.robot.surd import surd
 
+TINY = Fraction(1, 10**30)
+
+
+def test_a_tiny_term_stays():
+    ring = make_ring((False, False))
+    x1, y1, x2, y2 = ring.context.gens()
+    # cos q1 + 1e-30 sin q2, both times (x1^2 + y1^2)(x2^2 + y2^2)
+    poly = (x1**2 - y1**2) * (x2**2 + y2**2) + ring.number(TINY) * 2 * x2 * y2 * (x1**2 + y1**2)
+    terms = fourier(poly, ring, [0, 0])
+    assert set(terms) == {((2, 0), (0, 0)), ((0, 2), (0, 0))}
+    assert terms[(0, 2), (0, 0)][1] / terms[(2, 0), (0, 0)][0] == TINY
+    made = equation(poly, ring, ("q1", "q2"), np.zeros(2))
+    assert (made.involved, made.sin.max()) == ((0, 1), pytest.approx(1e-30, rel=1e-15))
+    ring = make_ring((False,))
+    x, y = ring.context.gens()
+    assert fourier((x**2 + y**2) ** 3, ring, [1]).keys() == {((0,), (0,))}
+
+
+def value_at(terms, tangents, lengths):
+    """Exactly, at angles given by the tangents of their halves, where all frequencies are even."""
+    total = Fraction(0)
+    for (frequency, power), (cos, sin) in terms.items():
+        real, imag = Fraction(1), Fraction(0)
+        for k, t in zip(frequency, tangents, strict=True):
+            c, s = (1 - t * t) / (1 + t * t), 2 * t / (1 + t * t)
+            for _ in range(abs(k) // 2):
+                turn = s if k > 0 else -s
+                real, imag = real * c - imag * turn, real * turn + imag * c
+        scale = Fraction(1)
+        for length, e in zip(lengths, power, strict=True):
+            scale *= length**e
+        total += (cos * real + sin * imag) * scale
+    return total
+
+
+@pytest.mark.parametrize(("digits", "degree"), [(3, 4), (40, 4), (200, 6), (5, 64)])
+def test_long_numbers_and_high_degrees_are_exact(digits, degree):
+    """Coefficients of many machine's words, and forms that leave no room in one."""
+    rng = np.random.default_rng(digits)
+    ring = make_ring((False, True, False))
+    x1, y1, z, x3, y3 = ring.context.gens()
+
+    def number():
+        return Fraction(int("".join(map(str, rng.integers(1, 10, digits)))) * -1, 10**digits + 1)
+
+    poly = ring.zero
+    for _ in range(12):
+        a, b, e = (int(k) for k in rng.integers(0, (degree + 1, 3, 3)))
+        one = x1**a * y1 ** (degree - a) * x3**b * y3 ** (2 - b) * z**e
+        poly += ring.number(number()) * one
+    terms = fourier(poly, ring, [0, 0, 0])
+    assert all(next(k for k in (*f, 1) if k) > 0 for f, _ in terms)
+    ratios = set()
+    for t, u, length in ((Fraction(1, 3), Fraction(-2), Fraction(5, 7)), (2, 5, -3), (-7, 3, 11)):
+        t, u, length = Fraction(t), Fraction(u), Fraction(length)
+        told = value_at(terms, (t, Fraction(0), u), (Fraction(0), length, Fraction(0)))
+        whole = sum(
+            c * t ** m[1] * length ** m[2] * u ** m[4] for m, c in ring.terms(poly).items()
+        ) / ((1 + t * t) ** (degree // 2) * (1 + u * u))
+        ratios.add(told / whole)
+    (ratio,) = ratios
+    assert ratio > 0
+
 
 def equations(name: str) -> list[Equation]:
     return [e for f in closed(name).families for e in f.equations]
-
-
-def random_poly(ring: Ring, rng: np.random.Generator, degrees: list[int], terms: int) -> Poly:
-    """Form of given degrees in each revolute joint's pair, of mixed ones in sliders."""
-    gens = ring.context.gens()
-    total = ring.zero
-    for _ in range(terms):
-        term = ring.one * int(rng.integers(1, 9) * rng.choice([-1, 1]))
-        for j, degree in enumerate(degrees):
-            v = ring.variables(j)
-            if ring.prismatic[j]:
-                term = term * gens[v[0]] ** int(rng.integers(0, degree + 1))
-            else:
-                k = int(rng.integers(0, degree + 1))
-                term = term * gens[v[0]] ** (degree - k) * gens[v[1]] ** k
-        total = total + term
-    return total
 
 
 def by_polynomial(poly: Poly, ring: Ring, q: Array, shift: Array) -> Array:
@@ -62,11 +108,11 @@ def test_numbers_equal_the_polynomial(seed: int) -> None:
     roots = [root] * (seed % 2)
     ring = make_ring((False, seed % 3 == 0, False, seed % 4 == 1), roots, Budget(10))
     degrees = [int(d) for d in rng.integers(0, 4, 4)]
-    poly = random_poly(ring, rng, degrees, 9)
+    poly = random_form(ring, rng, degrees, 9)
     if poly == 0 or poly.is_constant():
-        poly = poly + random_poly(ring, rng, degrees, 9)
+        poly = poly + random_form(ring, rng, degrees, 9)
     for r in roots:
-        poly = ring.reduce(poly + random_poly(ring, rng, degrees, 5) * ring.number(r))
+        poly = ring.reduce(poly + random_form(ring, rng, degrees, 5) * ring.number(r))
     turns = rng.choice([0.0, RIGHT, 3 * RIGHT, -np.pi, np.pi / 4, 0.3], 4)
     offset = np.where(ring.prismatic, 0.0, turns)
     made = equation(poly, ring, ("q1", "q2", "q3", "q4"), offset)
@@ -80,21 +126,17 @@ def test_numbers_equal_the_polynomial(seed: int) -> None:
 def test_gradient_with_sliders() -> None:
     rng = np.random.default_rng(3)
     ring = make_ring([True, False, True])
-    poly = random_poly(ring, rng, [3, 2, 2], 12)
+    poly = random_form(ring, rng, [3, 2, 2], 12)
     e = equation(poly, ring, ("d1", "q2", "d3"), np.array([0.0, 0.4, 0.0]))
     q = rng.uniform(-2, 2, (2, 6, 3))
     numeric = differences(e, q, 1e-5)
     np.testing.assert_allclose(e.gradient(q), numeric, atol=1e-7 * np.abs(numeric).max())
-    assert e(q).shape == (2, 6)
-    assert e(q[0, 0]).shape == ()
-    at_zero = np.zeros((1, 3))
-    assert np.isfinite(e.gradient(at_zero)).all()
+    assert (e(q).shape, e(q[0, 0]).shape) == ((2, 6), ())
+    assert np.isfinite(e.gradient(np.zeros((1, 3)))).all()
 
 
 def says_the_same(e: Equation, seed: int = 1) -> None:
-    rng = np.random.default_rng(seed)
-    Q = rng.uniform(-3, 3, (6, len(e.joints)))
-    for q in Q:
+    for q in np.random.default_rng(seed).uniform(-3, 3, (6, len(e.joints))):
         left, right = e.text().split(" = ")
         printed = value_of(left, dict(zip(e.joints, q, strict=True)))
         assert right == "0"
@@ -106,7 +148,7 @@ def says_the_same(e: Equation, seed: int = 1) -> None:
 def test_text_of_any_equation_can_be_read_back(seed: int) -> None:
     rng = np.random.default_rng(100 + seed)
     ring = make_ring([False, seed % 2 == 0, False])
-    poly = random_poly(ring, rng, [int(d) for d in rng.integers(1, 4, 3)], 8)
+    poly = random_form(ring, rng, [int(d) for d in rng.integers(1, 4, 3)], 8)
     offset = np.where(ring.prismatic, 0.0, rng.choice([0.0, RIGHT, 0.3], 3))
     says_the_same(equation(poly, ring, ("q1", "d2" if seed % 2 == 0 else "q2", "q3"), offset))
 
@@ -166,7 +208,7 @@ def test_the_angle_is_where_the_equation_holds() -> None:
 def test_fixing_a_joint_is_substitution(seed: int) -> None:
     rng = np.random.default_rng(seed)
     ring = make_ring([False, False, seed % 2 == 0])
-    poly = random_poly(ring, rng, [2, 3, 2], 10)
+    poly = random_form(ring, rng, [2, 3, 2], 10)
     offset = np.where(ring.prismatic, 0.0, rng.choice([0.0, 0.4], 3))
     e = equation(poly, ring, ("q1", "q2", "q3"), offset)
     q = rng.uniform(-3, 3, (10, 3))
@@ -194,12 +236,9 @@ def test_proofs_that_there_is_no_zero() -> None:
     touching = in_one([1.0, 1.0], [0.0, 0.0], [2, 0])  # cos q + 1
     mixed = in_one([1.0, 0.2, 1.05], [0.0, 0.0, 0.0], [2, 4, 0])  # cos q + .2 cos 2q + 1.05
     low, high = np.full(3, -np.pi), np.full(3, np.pi)
-    assert never_zero(away)
-    assert not never_zero(touching)
-    assert not never_zero(mixed)
-    assert proven_empty([away], low, high)
-    assert proven_empty([mixed], low, high)
-    assert not proven_empty([touching], low, high)
+    every = (away, touching, mixed)
+    assert [never_zero(e) for e in every] == [True, False, False]
+    assert [proven_empty([e], low, high) for e in every] == [True, False, True]
     assert proven_empty([touching], np.full(3, -2.0), np.full(3, 2.0))
     zero_in_both = [in_one([1.0], [0.0], [2]), in_one([0.0], [1.0], [2])]  # cos q = sin q = 0
     assert not any(proven_empty([e], low, high) for e in zero_in_both)
