@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinsing.robot.arm import Arm
+from pinsing.robot.arm import Arm, Coupling
 from pinsing.robot.load import load
 
 URDF = Path(__file__).parent.parent / "urdf"
@@ -96,3 +97,10 @@ def differences(f: Callable[[np.ndarray], Any], q: np.ndarray, step: float = 1e-
 
 def draw(arm: Arm, rng: np.random.Generator, count: int) -> np.ndarray:
     return rng.uniform(*arm.span, (count, arm.n))
+
+
+def coupled(arm: Arm, matrix: np.ndarray, offset: np.ndarray) -> Arm:
+    """The arm with joints that all follow its first ones, as mimic joints do."""
+    cut = ("joints", "prismatic", "lower", "upper")
+    first = {name: getattr(arm, name)[: matrix.shape[1]] for name in cut}
+    return replace(arm, **first, coupling=Coupling(matrix, offset))

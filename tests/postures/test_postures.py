@@ -10,7 +10,7 @@ from tiers import sampled, tiered
 import pinsing
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import Equation
-from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
+from pinsing.errors import ConfigurationError, OptionError, PinsingError
 from pinsing.kinematics.inverse import one_sheet, regular_way
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.postures.boxes import Ground, Leaves, on_boxes, slope, sum_of
@@ -213,62 +213,6 @@ class TestConnect:
             pinsing.connect(form, [0, 0, 0], [0] * 6, of=of)
         with pytest.raises(OptionError, match="limits says otherwise"):
             pinsing.connect(form, [0.1] * 6, [0.2] * 6, of=aspects_of("ur5", False))
-
-
-class TestInverse:
-    @pytest.mark.parametrize(
-        "name",
-        tiered(
-            ["ur5", "puma560", "stanford", "kinova", "scara", "planar3r"],
-            ("ur5", "planar3r"),
-        ),
-    )
-    def test_the_pose_is_reached_and_the_source_is_among_them(self, name):
-        arm = arm_of(name)
-        rng = np.random.default_rng(2)
-        for q in arm.space.sample(4, rng, True):
-            T = tip_placement(arm, q).homogeneous
-            found = pinsing.inverse(arm, T)
-            for s in found:
-                there = tip_placement(arm, s.q).homogeneous
-                assert np.abs(there - T).max() < 1e-9
-                assert s.within_limits == (not arm.space.outside(s.q).any())
-            gaps = [np.abs(arm.space.wrap(s.q - q)).max() for s in found]
-            assert min(gaps) < 1e-6
-
-    def test_planar_arm_by_hand(self):
-        """Two links of 1 m after the law of cosines: planar3r with its last link along x."""
-        arm = pinsing.load("planar3r")
-        q = np.array([0.3, 0.8, -0.4])
-        found = pinsing.inverse(arm, tip_placement(arm, q).homogeneous)
-        assert len(found) == 2
-        assert np.allclose(sorted(s.q[1] for s in found), [-0.8, 0.8], atol=1e-9)
-
-    def test_out_of_reach_is_an_answer(self):
-        found = pinsing.inverse(arm_of("ur5"), [5.0, 0, 0, 0, 0, 0])
-        assert len(found) == 0
-        assert "out of reach" in str(found)
-
-    def test_a_redundant_arm_needs_joints_to_hold(self):
-        arm = arm_of("panda")
-        q = np.array([0.1, -0.5, 0.3, -2.0, 0.2, 1.7, 0.4])
-        T = tip_placement(arm, q).homogeneous
-        with pytest.raises(OptionError, match="hold 1 more"):
-            pinsing.inverse(arm, T)
-        held = arm.joints[2]
-        found = pinsing.inverse(arm, T, fixed={held: 0.3})
-        assert min(np.abs(arm.space.wrap(s.q - q)).max() for s in found) < 1e-6
-        assert all(s.q[2] == pytest.approx(0.3) for s in found)
-        with pytest.raises(UnknownNameError):
-            pinsing.inverse(arm, T, fixed={"nope": 0.0})
-
-    def test_singular_solutions_are_flagged(self):
-        arm = arm_of("puma560")
-        q = np.array([0.2, 0.3, 0.5, 0.4, 0.0, 0.1])  # the wrist is straight
-        found = pinsing.inverse(arm, tip_placement(arm, q).homogeneous)
-        assert any(not s.regular for s in found)
-        assert all(np.isinf(s.radius) for s in found if not s.regular)
-        assert "SINGULAR" in str(found)
 
 
 class TestCuspidality:

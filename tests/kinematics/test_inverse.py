@@ -1,0 +1,653 @@
+"""Inverse solutions against closed formulas of their own, and proofs that they exist.
+
+Signs that tell solutions apart, and the names that the field has for them. Joint speeds near
+singularities: each method against its formula, and that nothing jumps.
+"""
+
+import functools
+import itertools
+
+import numpy as np
+import pytest
+from dh_arms import CRX as CRX_ROWS, arm_of, dh_arm
+from dh_reference import row_matrix
+from tiers import sampled, tiered, tiered_rows
+
+import pinsing
+from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
+from pinsing.kinematics.inverse import FoundSolutions, Solver, drawn, radii
+from pinsing.kinematics.inverse_velocity import METHODS
+from pinsing.kinematics.jacobian import tip_placement
+from pinsing.kinematics.ladder import ExactChain, Point, ladder_of, one_root_left, posture_names
+
+
+def ur5_inverse(T):
+    """All solutions of the UR5 of the description, after Hawkins (2013), from T of its base.
+
+    The standard table: d1, a2, a3, d4, d5, d6; angles as in that table.
+    """
+    d1, a2, a3, d4, d5, d6 = 0.089159, -0.425, -0.39225, 0.10915, 0.09465, 0.0823
+    out = []
+    p5 = T[:3, 3] - d6 * T[:3, 2]
+    radius = np.hypot(p5[0], p5[1])
+    if radius < d4:
+        return out
+    for s1, s5, s3 in itertools.product((1, -1), repeat=3):
+        q1 = np.arctan2(p5[1], p5[0]) + s1 * np.arccos(d4 / radius) + np.pi / 2
+        c5 = (T[0, 3] * np.sin(q1) - T[1, 3] * np.cos(q1) - d4) / d6
+        if abs(c5) > 1:
+            continue
+        q5 = s5 * np.arccos(c5)
+        x, y = T[:3, 0], T[:3, 1]
+        side = np.array([np.sin(q1), -np.cos(q1), 0])
+        q6 = np.arctan2(-(y @ side) / np.sin(q5), (x @ side) / np.sin(q5))
+        T01 = dh(q1, d1, 0, np.pi / 2)
+        T14 = np.linalg.inv(T01) @ T @ np.linalg.inv(dh(q5, d5, 0, -np.pi / 2) @ dh(q6, d6, 0, 0))
+        px, py = T14[0, 3], T14[1, 3]
+        c3 = (px**2 + py**2 - a2**2 - a3**2) / (2 * a2 * a3)
+        if abs(c3) > 1:
+            continue
+        q3 = s3 * np.arccos(c3)
+        q2 = np.arctan2(py, px) - np.arctan2(a3 * np.sin(q3), a2 + a3 * np.cos(q3))
+        q234 = np.arctan2(T14[1, 0], T14[0, 0])
+        out.append([q1, q2, q3, q234 - q2 - q3, q5, q6])
+    return out
+
+
+def puma_inverse(T):
+    """All solutions of the table below, after Paul, Shimano and Mayer (1981), from T of its base.
+
+    The first joint from the side, the third from the distance, the second from the direction.
+    """
+    a2, a3, d3, d4 = 0.4318, 0.0203, 0.15005, 0.4318
+    x, y, z = T[:3, 3]
+    radius = np.hypot(x, y)
+    out = []
+    if radius < d3:
+        return out
+    for s1, s3, s5 in itertools.product((1, -1), repeat=3):
+        side = np.arcsin(d3 / radius)
+        q1 = np.arctan2(y, x) + (side if s1 > 0 else np.pi - side)
+        ahead = x * np.cos(q1) + y * np.sin(q1)
+        c3 = (ahead**2 + z**2 - a2**2 - a3**2 - d4**2) / (2 * a2 * np.hypot(a3, d4))
+        if abs(c3) > 1:
+            continue
+        q3 = s3 * np.arccos(c3) - np.arctan2(d4, a3)
+        c, s = np.cos(q3), np.sin(q3)
+        q2 = np.arctan2(z, ahead) - np.arctan2(a3 * s + d4 * c, a2 + a3 * c - d4 * s)
+        M = placed(PUMA[:3], [q1, q2, q3])[:3, :3].T @ T[:3, :3]
+        q5 = s5 * np.arccos(M[2, 2])
+        q4 = np.arctan2(-s5 * M[1, 2], -s5 * M[0, 2])
+        q6 = np.arctan2(-s5 * M[2, 1], s5 * M[2, 0])
+        out.append([q1, q2, q3, q4, q5, q6])
+    return out
+
+
+UR5 = (
+    (0.089159, 0, 90), (0, -0.425, 0), (0, -0.39225, 0), (0.10915, 0, 90), (0.09465, 0, -90),
+    (0.0823, 0, 0),
+)  # fmt: skip
+PUMA = (
+    (0, 0, 90), (0, 0.4318, 0), (0.15005, 0.0203, -90), (0.4318, 0, 90), (0, 0, -90), (0, 0, 0),
+)  # fmt: skip
+CRX = tuple((d, a, alpha) for alpha, a, d, *_ in CRX_ROWS)
+
+
+def dh(theta, d, a, alpha):
+    return row_matrix("standard", alpha, a, d, theta)
+
+
+def placed(rows, q):
+    T = np.eye(4)
+    for theta, (d, a, alpha) in zip(q, rows, strict=True):
+        T = T @ dh(theta, d, a, np.radians(alpha))
+    return T
+
+
+@functools.cache
+def made(rows, task="pose"):
+    """A table as a robot of its own, so that angles are those of the formulas."""
+    return dh_arm([(alpha, a, d) for d, a, alpha in rows], task)
+
+
+def pose_of(arm, q):
+    return tip_placement(arm, np.array(q)).homogeneous
+
+
+def gaps(arm, found, q):
+    """How far q, or each row of it, is from the nearest of some solutions, whole turns aside."""
+    far = np.abs(arm.space.wrap(np.asarray(q)[..., None, :] - found.q))
+    return far.max(axis=-1).min(axis=-1)
+
+
+def compare(arm, rows, formula, count, seed):
+    """Every solution of the formula is found, or the pose carries a doubt; none is made up."""
+    rng = np.random.default_rng(seed)
+    total = certified = 0
+    for q in arm.space.sample(count, rng, True):
+        T = placed(rows, q)
+        assert np.abs(pose_of(arm, q) - T).max() < 1e-12
+        theirs = np.array(formula(T))
+        found = pinsing.inverse(arm, T)
+        assert len(found) <= len(theirs)
+        missed = (gaps(arm, found, theirs) > 1e-6).sum()
+        assert found.doubt or not missed
+        assert found.certified <= len(found)
+        certified += found.certified
+        total += len(found) - missed
+    return total, certified
+
+
+CLOSED = [(UR5, ur5_inverse, 4), (PUMA, puma_inverse, 7.9)]
+
+
+@pytest.mark.parametrize("count", [10, pytest.param(500, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("rows", "formula", "mean"), tiered_rows(CLOSED, CLOSED[1:]), ids=["ur5", "puma"]
+)
+def test_against_a_closed_formula(rows, formula, mean, count):
+    """A PUMA meets poses so near its shoulder's singularity that no proof is to be had there."""
+    total, certified = compare(made(rows), rows, formula, count, count > 10)
+    assert total > count * mean
+    assert certified == total if count == 10 or rows is UR5 else certified > 0.99 * total
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("rows", "formula", "mean"), tiered_rows(CLOSED, CLOSED[:1]), ids=["ur5", "puma"]
+)
+def test_pairs_next_to_a_singularity_are_told_apart(rows, formula, mean):
+    """Stretched elbows but for 1e-4 and less: two solutions that near, of opposite signs."""
+    arm = made(rows)
+    stretched = 0.0 if rows is UR5 else -np.arctan2(0.4318, 0.0203)
+    least = []
+    for q in arm.space.sample(8, np.random.default_rng(9), True):
+        q[2] = stretched + 4e-5
+        T = placed(rows, q)
+        found = pinsing.inverse(arm, T)
+        assert found.doubt or gaps(arm, found, formula(T)).max() < 1e-5
+        turn = arm.space.wrap(found.q[:, None] - found.q)
+        least.append(np.abs(turn).max(axis=2)[~np.eye(len(found), dtype=bool)].min())
+    assert min(least) < 2e-4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rows", [UR5, PUMA, CRX], ids=["ur5", "puma", "crx"])
+def test_against_another_library_at_500_poses(rows):
+    """ssik (BSD-3), where it is installed: each solution of either is one of the other's.
+
+    Of an offset wrist ssik derives its equations once, which takes two minutes, and keeps them.
+    """
+    ssik = pytest.importorskip("ssik", reason="pip install ssik cython")
+    arm = made(rows)
+    d, a, alpha = np.array(rows, dtype=float).T
+    other = ssik.Manipulator.from_dh(np.radians(alpha), a, d)
+    total = 0
+    for q in arm.space.sample(500, np.random.default_rng(5), True):
+        pose = pose_of(arm, q)
+        ours = pinsing.inverse(arm, pose)
+        theirs = np.array([s.q for s in other.solve(pose)])
+        gap = np.abs(arm.space.wrap(ours.q[:, None] - theirs[None])).max(axis=2)
+        assert (gap.min(axis=0) < 1e-4).all() or ours.doubt
+        assert (gap.min(axis=1) < 1e-4).all()
+        total += len(ours)
+    assert total > 500 * 6
+
+
+@pytest.mark.slow
+def test_offset_wrist_against_four_times_the_starts():
+    """They find no more, of another seed, where there is no doubt."""
+    arm, counts = made(CRX), set()
+    for q in arm.space.sample(120, np.random.default_rng(11), True):
+        T = pose_of(arm, q)
+        found, more = pinsing.inverse(arm, T), pinsing.inverse(arm, T, starts=1024, seed=7)
+        assert found.doubt or len(found) >= len(more)
+        for s in found.q:
+            assert np.abs(pose_of(arm, s) - T).max() < 1e-9
+        assert found.doubt or len(found) % 2 == 0
+        counts.add(len(found))
+    assert counts >= {4, 8, 12}
+
+
+@pytest.mark.slow
+def test_a_cuspidal_arm_of_three_joints_has_all_its_points():
+    """Its equation of degree four has two or four solutions; 2048 starts are the judge."""
+    arm = made(((0, 1, -90), (1, 2, 90), (0, 1.5, 0)), "position")
+    counts = set()
+    for q in arm.space.sample(6, np.random.default_rng(2), True):
+        p = tip_placement(arm, q).translation
+        found, more = pinsing.inverse(arm, p), pinsing.inverse(arm, p, starts=2048, seed=3)
+        assert len(found) == len(more)
+        counts.add(len(found))
+    assert counts == {2, 4}
+
+
+def test_a_sign_that_lacks_is_known():
+    """Solutions of a pose with one left out: the determinants do not balance, and starts follow."""
+    arm = made(CRX)
+    q = np.array([0.3, -0.8, 1.1, 0.4, 0.9, -0.5])
+    T = tip_placement(arm, q)
+    solver = Solver(arm, T.translation, T.rotation)
+    known = pinsing.inverse(arm, T.homogeneous)
+    found = FoundSolutions(solver)
+    found.add(known.q, np.zeros(len(known)))
+    assert found.lacking == 0
+    for out in range(len(known)):
+        found = FoundSolutions(solver)
+        rest = np.delete(known.q, out, axis=0)
+        found.add(rest, np.zeros(len(rest)))
+        assert found.lacking == solver.signs(known.q[out : out + 1])[0]
+        assert not found.settled()
+        rng = np.random.default_rng(0)
+        Q = drawn(solver, 40, rng, found.lacking)
+        assert (solver.signs(Q) == found.lacking).all()
+
+
+def test_a_full_set_is_known_to_be_full():
+    arm = pinsing.load("puma560")
+    found = pinsing.inverse(arm, [0.4, 0.2, 0.3, 0.1, 0.2, 0.3])
+    assert len(found) == 8
+    assert (found.certified, found.doubt) == (8, "")
+    assert any("no more regular ones" in n for n in found.notes)
+    assert pinsing.kinematics.InverseSolutions.from_dict(found.to_dict()).certified == 8
+
+
+@pytest.mark.parametrize("name", ["ur5", "stanford", "kinova"])
+def test_the_true_solution_is_within_the_radius(name):
+    arm = pinsing.load(name)
+    q = arm.space.sample(1, np.random.default_rng(5), True)[0]
+    T = tip_placement(arm, q)
+    solver = Solver(arm, T.translation, T.rotation)
+    rng = np.random.default_rng(0)
+    for size in (1e-9, 1e-7, 1e-5, 1e-4):
+        Q = q + rng.normal(size=(40, 6)) * size
+        r = radii(solver, Q)
+        assert (r > np.linalg.norm(Q - q, axis=1)).all()
+        assert size > 1e-9 or (r < 1e-4).all()
+    assert np.isinf(radii(solver, q + rng.normal(size=(40, 6)))).all()
+
+
+# The upper arm and the forearm of PUMA 560 are of almost one length: its elbow folded, the wrist
+# is half a millimetre from the axis of joint 2, and the pose tells little about two joints.
+FOLDED = np.pi / 2 + np.arctan2(0.0203, 0.4318)
+
+
+@pytest.mark.parametrize("q5", sampled([1e-7, 3e-8, 1e-8, 1e-9, 0.0]))
+def test_next_to_the_wrist_singularity_a_solution_is_found_and_flagged(q5):
+    arm = arm_of("puma560")
+    q = [0.3, 0.4, -0.5, 0.2, q5, 0.1]
+    found = pinsing.inverse(arm, pose_of(arm, q))
+    assert sum(s.regular for s in found) == 6
+    straight = [s for s in found if abs(s.q[4]) < 1e-6]
+    assert straight
+    assert not any(s.regular for s in straight)
+    assert all(np.isinf(s.radius) for s in straight)
+    assert "SINGULAR" in str(found)
+    if q5 > 1e-8:
+        assert gaps(arm, found, q) < 1e-6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("e", [3e-3, 1e-3, 1e-4])
+def test_reachable_is_not_called_out_of_reach(e):
+    arm = arm_of("puma560")
+    q = [0.3, 0.4, FOLDED + e, 0.2, 0.5, 0.1]
+    found = pinsing.inverse(arm, pose_of(arm, q))
+    assert len(found) or ("stalled" in found.doubt and "out of reach" not in str(found))
+    assert gaps(arm, pinsing.inverse(arm, pose_of(arm, q), near=q), q) < 1e-6
+
+
+@pytest.mark.slow
+def test_huge_poses_overflow_nothing():
+    for pose in ([9e8] * 6, [1e9, -1e9, 0, 1e8, 0, 0], [1e6, 0, 0, 0, 0, 0]):
+        assert len(pinsing.inverse(arm_of("puma560"), pose)) == 0
+    assert len(pinsing.inverse(arm_of("stanford"), [9e8] * 6)) == 0
+    with pytest.raises(ConfigurationError, match="which no arm reaches"):
+        pinsing.inverse(arm_of("puma560"), [1e300] * 6)
+
+
+def test_a_joint_held_outside_its_limits_stays_there_and_is_flagged():
+    arm = pinsing.load("iiwa14", units="rad")
+    q = np.array([0.1, 0.5, 0.3, -1, 0.2, 0.7, 0.4])
+    pose = pose_of(arm, q)
+    found = pinsing.inverse(arm, pose, fixed={arm.joints[2]: 0.3 + 4 * np.pi})
+    assert len(found) == 8
+    assert all(s.q[2] == 0.3 + 4 * np.pi for s in found)
+    assert not any(s.within_limits for s in found)
+    assert any("outside its limits" in n for n in found.notes)
+    inside = pinsing.inverse(arm, pose, fixed={arm.joints[2]: 0.3})
+    assert any(s.within_limits for s in inside)
+    assert not any("outside its limits" in n for n in inside.notes)
+
+
+ROBOTS = ["ur5", "puma560", "stanford", "kinova", "scara", "planar3r"]
+
+
+@pytest.mark.parametrize("name", tiered(ROBOTS, ("ur5", "planar3r")))
+def test_the_pose_is_reached_and_the_source_is_among_them(name):
+    arm = arm_of(name)
+    for q in arm.space.sample(4, np.random.default_rng(2), True):
+        T = pose_of(arm, q)
+        found = pinsing.inverse(arm, T)
+        for s in found:
+            assert np.abs(pose_of(arm, s.q) - T).max() < 1e-9
+            assert s.within_limits == (not arm.space.outside(s.q).any())
+        assert gaps(arm, found, q) < 1e-6
+
+
+def test_planar_arm_by_hand():
+    """Two links of 1 m after the law of cosines: planar3r with its last link along x."""
+    arm = pinsing.load("planar3r")
+    found = pinsing.inverse(arm, pose_of(arm, [0.3, 0.8, -0.4]))
+    np.testing.assert_allclose(sorted(found.q[:, 1]), [-0.8, 0.8], atol=1e-9)
+
+
+def test_out_of_reach_is_an_answer():
+    found = pinsing.inverse(arm_of("ur5"), [5.0, 0, 0, 0, 0, 0])
+    assert len(found) == 0
+    assert "out of reach" in str(found)
+
+
+def test_a_redundant_arm_needs_joints_to_hold():
+    arm = arm_of("panda")
+    q = np.array([0.1, -0.5, 0.3, -2.0, 0.2, 1.7, 0.4])
+    T = pose_of(arm, q)
+    with pytest.raises(OptionError, match="hold 1 more"):
+        pinsing.inverse(arm, T)
+    found = pinsing.inverse(arm, T, fixed={arm.joints[2]: 0.3})
+    assert gaps(arm, found, q) < 1e-6
+    np.testing.assert_allclose(found.q[:, 2], 0.3, rtol=1e-6)
+    with pytest.raises(UnknownNameError):
+        pinsing.inverse(arm, T, fixed={"nope": 0.0})
+
+
+def share(arm, count=60):
+    """det J over the product of what the signs are taken of, at random configurations."""
+    nominal = pinsing.robot.nominal(arm)
+    ladder = ladder_of(nominal)
+    Q = nominal.arm.space.sample(count, np.random.default_rng(3), True)
+    J = pinsing.kinematics.task_jacobians(nominal.arm, Q)
+    rows = np.abs(J).max(axis=(0, 2)) > 1e-12
+    det = np.linalg.det(J[:, rows])
+    return det / np.prod([s.value(Q) for s in ladder.stages], axis=0)
+
+
+ARMS = ["ur5", "puma560", "irb1400", "kinova", "z1", "talos_arm", "stanford", "scara"]
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_the_determinant_is_the_product_of_the_signed_values(name):
+    """So they are zero exactly where the arm is singular: up to one constant, of one size."""
+    ratio = share(pinsing.load(name))
+    assert np.ptp(np.abs(ratio)) < 1e-9 * np.abs(ratio[0])
+
+
+POSITION = {
+    "first axes parallel": [(0, 1, 0), (90, 0.7, 0.2), (0, 0.5, 0.1)],
+    "first axes cross": [(90, 0, 0.3), (60, 0.7, 0.2), (0, 0.5, 0.1)],
+    "last axes parallel": [(90, 0.4, 0.3), (0, 0.7, 0.2), (0, 0.5, 0.1)],
+    "twisted, last axes parallel": [(60, 0.4, 0.3), (0, 0.7, 0.2), (0, 0.5, 0.1)],
+    "orthogonal, no offset": [(-90, 1, 0), (90, 2, 0), (0, 1.5, 0)],
+    "few solutions": [(-90, 1, 0), (90, 2, 1), (0, 0.1, 0)],
+    "a slide, the first axes cross": [(90, 0, 0), (90, 0.3, 0.2), (0, 0, 0.5, 0, "prismatic")],
+    "a slide, offset": [(90, 0.4, 0), (90, 0, 0.2), (0, 0, 0.5, 0, "prismatic")],
+}
+
+
+@pytest.mark.parametrize("name", tiered(POSITION, {"a slide, offset"}))
+def test_no_two_solutions_of_a_point_agree_in_all_signs(name):
+    """The theorem, at random points; with the product of the values against det J."""
+    rows = POSITION[name]
+    arm = dh_arm(rows, "position")
+    ladder = ladder_of(pinsing.robot.nominal(arm))
+    assert ladder is not None
+    ratio = share(arm)
+    assert (ratio > 0).all() or (ratio < 0).all() or rows[0][0] == 0
+    rng = np.random.default_rng(1)
+    most = 0
+    for q in arm.space.sample(6, rng, True):
+        found = [s.q for s in pinsing.inverse(arm, tip_placement(arm, q).translation) if s.regular]
+        signs = ladder.signs(np.array(found))
+        assert len({tuple(s) for s in signs}) == len(found)
+        most = max(most, len(found))
+    assert 2 <= most <= ladder.most
+
+
+@pytest.mark.slow
+def test_what_is_left_of_the_equation_has_the_roots_of_the_others():
+    """The sign of its discriminant against the number of solutions found, arm with 2 and 4."""
+    arm = dh_arm([(-90, 1, 0), (90, 2, 1), (0, 1.5, 0)], "position")
+    chain = ExactChain.of(pinsing.robot.nominal(arm))
+    cubic = Point.of(chain, chain.translation[3]).numbers
+    assert not one_root_left(cubic)
+    counts = set()
+    for q in arm.space.sample(12, np.random.default_rng(2), True):
+        sign = float(cubic.discriminant(chain.values(q[None])[:, 1:])[0])
+        known = pinsing.inverse(arm, tip_placement(arm, q).translation)
+        counts.add(len(known))
+        assert len(known) == (2 if sign < 0 else 4)
+    assert counts == {2, 4}
+
+
+def test_the_discriminant_is_the_sum_that_stands_for_it():
+    chain = ExactChain.of(
+        pinsing.robot.nominal(dh_arm([(-70, 1, 0.2), (80, 2, 1), (0, 1.5, 0)], "position"))
+    )
+    cubic = Point.of(chain, chain.translation[3]).numbers
+    x = np.random.default_rng(0).uniform(-4, 4, (2000, 2))
+    value, (amplitude, phase, rate) = cubic.discriminant(x), cubic.expanded()
+    assert np.abs(np.cos(x @ rate.T + phase) @ amplitude - value).max() < 12 * cubic.rounding
+    assert cubic.rounding < 1e-8 * np.abs(value).max()
+    for first, second in ((-90, 90), (60, 30)):  # the sine of 60 degrees has a square root
+        rows = [(first, 1, 0), (second, 2, 1), (0, 1.5, 0.1 * (first > 0))]
+        assert ladder_of(pinsing.robot.nominal(dh_arm(rows, "position"))) is None
+    for name in ("so101", "panda", "iiwa14"):
+        assert ladder_of(pinsing.robot.nominal(pinsing.load(name))) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "q"),
+    sampled([
+        ("rs007n", (0, 20, -80, 0, -80, 0)), ("a0509", (0, 20, 90, 0, 70, 0)),
+        ("z1", (0, 90, -90, 0, 30, 0)), ("uf850", (0, -20, -90, 0, 70, 0)),
+    ]),
+)  # fmt: skip
+def test_an_arm_at_work_has_its_shoulder_in_front(name, q):
+    """Also one that stands on its first axis at zero, or with the wrist a little behind it."""
+    (said,) = posture_names(pinsing.robot.nominal(pinsing.load(name)), np.radians([q]))
+    assert "shoulder front" in said
+    assert "elbow up" in said
+
+
+def test_elbow_up_is_up():
+    """Height of the elbow over the line from shoulder to wrist, while the wrist is ahead."""
+    geometry = pinsing.robot.nominal(pinsing.load("irb1400"))
+    chain = ExactChain.of(geometry)
+    Q = geometry.arm.space.sample(200, np.random.default_rng(0))
+    R, p = chain.frames(chain.values(Q))
+    place, height = ladder_of(geometry).point
+    p[:, 3] = p[:, place] + height * R[:, place, :, 2]  # the centre of the wrist
+    inner = np.linalg.norm(p[:, 3, :2] - p[:, 1, :2], axis=1)
+    ahead = (p[:, 1, :2] * p[:, 3, :2]).sum(axis=1) > 0
+    beyond = np.linalg.norm(p[:, 3, :2], axis=1) > np.linalg.norm(p[:, 1, :2], axis=1)
+    plain = ahead & beyond & (inner > 0.1)
+    rise = (p[:, 3, 2] - p[:, 1, 2]) / inner
+    toward = (p[:, 3, :2] - p[:, 1, :2]) / inner[:, None]
+    at = ((p[:, 2, :2] - p[:, 1, :2]) * toward).sum(axis=1)
+    above = p[:, 2, 2] > p[:, 1, 2] + rise * at
+    names = posture_names(geometry, Q)
+    assert plain.sum() > 20
+    for said, up, use in zip(names, above, plain, strict=True):
+        if use:
+            assert (said[1], said[0]) == ("elbow up" if up else "elbow down", "shoulder front")
+
+
+@pytest.mark.parametrize("name", ["ur5", "puma560", "kinova", "z1"])
+def test_eight_postures_of_a_pose_have_eight_names(name):
+    arm = pinsing.load(name)
+    q = arm.space.sample(1, np.random.default_rng(11), True)[0]
+    found = pinsing.inverse(arm, pose_of(arm, q)).q
+    assert len(set(posture_names(pinsing.robot.nominal(arm), found))) == len(found) >= 4
+
+
+@pytest.mark.parametrize("name", tiered(["ur5", "puma560", "kinova", "z1"], ("ur5",)))
+def test_they_change_at_singular_configurations_alone(name):
+    arm = pinsing.load(name)
+    form = pinsing.closed_form(arm)
+    found = pinsing.aspects(form, limits=False)
+    Q = arm.space.sample(200, np.random.default_rng(4), True)
+    pairs = {
+        (found.of(q), said) for q, said in zip(Q, posture_names(form.geometry, Q), strict=True)
+    }
+    assert len({number for number, _ in pairs}) == len({n for _, n in pairs}) == len(pairs) == 8
+
+
+@pytest.mark.parametrize("name", ["lrmate200id", "m10id", "r2000ic"])
+def test_a_fanucs_pendant_shows_no_flip_with_the_tool_down(name):
+    geometry = pinsing.robot.nominal(pinsing.load(name))
+    down = [0, -0.2, -0.3, 0, -np.pi / 2, 0]
+    (said,) = posture_names(geometry, np.array([down]))
+    assert said == ("shoulder front", "elbow up", "wrist no-flip")
+
+
+DAMPED = [m for m in METHODS if m != "pinv"]
+
+
+def wrist(q5: float) -> np.ndarray:
+    return pinsing.frame_jacobian(pinsing.load("ur5"), [0.3, -1, 1, -1, q5, 0])
+
+
+def test_the_pseudoinverse_is_that_of_numpy(rng) -> None:
+    for shape in ((6, 6), (6, 7), (3, 6), (6, 4), (1, 3)):
+        J, x = rng.normal(size=(20, *shape)), rng.normal(size=(20, shape[0]))
+        found = pinsing.inverse_velocity(J, x, "pinv")
+        np.testing.assert_allclose(found.dq, np.einsum("...nm,...m->...n", np.linalg.pinv(J), x))
+        np.testing.assert_allclose(found.achieved + found.missed, x)
+        np.testing.assert_allclose(found.kept, 1)
+        assert (found.damped < 1e-12).all()
+
+
+@pytest.mark.parametrize("q5", [0.0, 1e-6, 0.01, 0.05, 0.2, 1.0])
+def test_damped_least_squares_are_their_formula(q5: float, rng) -> None:
+    J, x = wrist(q5), rng.normal(size=6)
+    sigma, w = np.linalg.svd(J)[1], np.sqrt(abs(np.linalg.det(J @ J.T)))
+    for option, value, limit, rtol in (
+        ("threshold", sigma[-1], 0.2, 1e-7),
+        ("manipulability", w, 0.05, 1e-6),
+    ):
+        found = pinsing.inverse_velocity(J, x, "dls", damping=0.07, **{option: limit})
+        square = (0.07 * max(1 - value / limit, 0)) ** 2
+        wanted = J.T @ np.linalg.solve(J @ J.T + square * np.eye(6), x)
+        np.testing.assert_allclose(found.dq, wanted, rtol=rtol)
+
+
+@pytest.mark.parametrize("q5", [0.0, 1e-6, 0.01, 0.05, 1.0])
+def test_numerical_filtering_is_its_formula(q5: float, rng) -> None:
+    J, x = wrist(q5), rng.normal(size=6)
+    U, sigma, _ = np.linalg.svd(J)
+    threshold = (sigma[-1] + sigma[-2]) / 2  # one direction is below it
+    found = pinsing.inverse_velocity(
+        J, x, "filter", damping=0.3, threshold=threshold, isotropic=0.01
+    )
+    square = 0.3**2 * (1 - (sigma[-1] / threshold) ** 2)
+    A = J @ J.T + 1e-4 * np.eye(6) + square * np.outer(U[:, -1], U[:, -1])
+    np.testing.assert_allclose(found.dq, J.T @ np.linalg.solve(A, x), rtol=1e-8)
+
+
+def test_selective_damping_is_its_algorithm(rng) -> None:
+    """Buss and Kim 2005, step by step in loops, for one target."""
+    for J in (wrist(0.0), wrist(0.02), wrist(1.0), rng.normal(size=(3, 7))):
+        x, limit = rng.normal(size=len(J)), 0.6
+        U, s, VT = np.linalg.svd(J, full_matrices=False)
+        total = np.zeros(J.shape[1])
+        for i in range(len(s)):
+            if s[i] <= 1e-12 * s[0]:
+                continue
+            N = np.linalg.norm(U[:, i])
+            M = sum(abs(VT[i, j]) * np.linalg.norm(J[:, j]) for j in range(J.shape[1])) / s[i]
+            gamma = min(1.0, N / M) * limit
+            part = U[:, i] @ x / s[i] * VT[i]
+            total += part * min(1.0, gamma / max(np.abs(part).max(), 1e-300))
+        total *= min(1.0, limit / np.abs(total).max())
+        found = pinsing.inverse_velocity(J, x, "sdls", gamma_max=limit)
+        np.testing.assert_allclose(found.dq, total, atol=1e-12)
+
+
+@pytest.mark.parametrize("q5", [0.0, 1e-3, 0.05, 0.2, 1.0])
+def test_jparse_is_its_equation(q5: float, rng) -> None:
+    """J_s^+ J_p J_p^+ + J_s^+ Phi of arXiv 2505.00306, with matrices."""
+    J, x, gamma = wrist(q5), rng.normal(size=6), 0.15
+    U, s, VT = np.linalg.svd(J)
+    low = s <= gamma * s[0]
+    safety = U @ np.diag(np.where(low, gamma * s[0], s)) @ VT
+    projection = U @ np.diag(np.where(low, 0, s)) @ VT
+    phi = U @ np.diag(np.where(low, s / (gamma * s[0]), 0)) @ U.T
+    inverse = np.linalg.pinv(safety)
+    wanted = inverse @ projection @ np.linalg.pinv(projection, rcond=1e-9) @ x + inverse @ phi @ x
+    found = pinsing.inverse_velocity(J, x, "jparse", gamma=gamma)
+    np.testing.assert_allclose(found.dq, wanted, atol=1e-10)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_far_from_singularities_all_is_achieved(method: str, rng) -> None:
+    J, x = wrist(1.2), 0.05 * rng.normal(size=6)
+    found = pinsing.inverse_velocity(J, x, method, threshold=0.02, gamma=0.01, gamma_max=10.0)
+    np.testing.assert_allclose(found.achieved, x, atol=1e-12)
+    assert found.damped < 1e-9
+
+
+@pytest.mark.parametrize("method", sampled(DAMPED))
+def test_speeds_stay_bounded_and_do_not_jump_through_a_singularity(method: str) -> None:
+    q5 = np.linspace(-0.3, 0.3, 6001)
+    Q = np.tile([0.3, -1, 1, -1, 0, 0], (len(q5), 1))
+    Q[:, 4] = q5
+    J = pinsing.kinematics.frame_jacobians(pinsing.load("ur5"), Q)
+    x = np.array([0, 0.1, 0.1, 0.3, 0.2, 0.1])
+    found = pinsing.inverse_velocity(J, x, method)
+    assert np.abs(found.dq).max() < 6
+    assert np.abs(np.diff(found.dq, axis=0)).max() < 0.05
+    plain = pinsing.inverse_velocity(J, x, "pinv")
+    assert np.abs(plain.dq).max() > 1000  # so that this could fail
+    assert found.damped[3000] == pytest.approx(1, abs=1e-6)
+    assert found.damped.min() < 0.9
+
+
+@pytest.mark.parametrize("method", ["dls", "filter", "jparse"])
+def test_two_lost_directions_that_change_places_make_no_jump(method: str) -> None:
+    a = np.linspace(0.01, 0.04, 2001)
+    J = np.zeros((len(a), 3, 3))
+    J[:, 0, 0], J[:, 1, 1], J[:, 2, 2] = 1, a, 0.05 - a
+    found = pinsing.inverse_velocity(J, [0.1, 0.2, 0.3], method)
+    assert np.abs(np.diff(found.dq, axis=0)).max() < 0.01
+
+
+def test_joint_speed_limits_keep_the_direction() -> None:
+    J, x = wrist(0.05), np.array([0.3, 0, 0.2, 0, 0.5, 0.1])
+    free = pinsing.inverse_velocity(J, x, "pinv")
+    limits = np.array([1, 1, 1, 0.4, 1, np.inf])
+    held = pinsing.inverse_velocity(J, x, "pinv", speed_limits=limits)
+    assert (np.abs(held.dq) <= limits * (1 + 1e-12)).all()
+    assert (np.abs(held.dq) / limits).max() == pytest.approx(1)
+    np.testing.assert_allclose(held.dq, free.dq * held.speed_scale)
+    np.testing.assert_allclose(held.achieved, held.speed_scale * x, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("J", "twist", "options", "error", "words"),
+    [
+        (np.eye(6), np.ones(5), {}, ConfigurationError, "6 values"),
+        (np.ones(6), np.ones(6), {}, ConfigurationError, "shape"),
+        (np.full((6, 6), np.nan), np.ones(6), {}, ConfigurationError, "finite"),
+        (np.ones((3, 6, 6)), np.ones((4, 6)), {}, ConfigurationError, "as many"),
+        (np.eye(6), np.ones(6), {"method": "magic"}, OptionError, "pinv, dls"),
+        (np.eye(6), np.ones(6), {"damping": 0.0}, OptionError, "damping"),
+        (np.eye(6), np.ones(6), {"gamma": 1.0}, OptionError, "gamma"),
+        (np.eye(6), np.ones(6), {"length_scale": -1.0}, OptionError, "length_scale"),
+        (np.eye(3), np.ones(3), {"length_scale": 0.5}, OptionError, "of 6 rows"),
+        (np.eye(6), np.ones(6), {"weights": np.zeros(6)}, OptionError, "weights"),
+        (np.eye(6), np.ones(6), {"speed_limits": [1.0]}, OptionError, "speed_limits"),
+    ],
+)
+def test_bad_input(J: object, twist: object, options: dict, error: type, words: str) -> None:
+    with pytest.raises(error, match=words):
+        pinsing.inverse_velocity(J, twist, **options)
