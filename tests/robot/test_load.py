@@ -1,32 +1,38 @@
 """From a robot to an arm: which chain, which tip, what is locked, and what is refused."""
 
+import pickle
 import re
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from arms import draw, place, serial
+from pinocchio.robot_wrapper import RobotWrapper
 from tiers import sampled
+from urdf_texts import LIMIT, XACRO, robot
 
 import pinsing
-from pinsing.errors import ChainError, ConfigurationError, JointError, RobotFileError
+from pinsing.description.catalog import find_robot
+from pinsing.errors import (
+    ArgumentError,
+    ChainError,
+    ConfigurationError,
+    JointError,
+    PinsingError,
+    RobotFileError,
+    UnknownNameError,
+)
 from pinsing.kinematics.jacobian import frame_jacobian, tip_placement
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 
-STEP = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
-LIMIT = '<limit lower="-2" upper="2" effort="1" velocity="1"/>'
-
-
-def origin(xyz: str = "0 0 0", rpy: str = "0 0 0") -> str:
-    return f'<origin xyz="{xyz}" rpy="{rpy}"/>'
+STEP = place((0.3, 0, 0))
 
 
 def turning(axis: str = "0 0 1", limit: str = LIMIT, more: str = "", xyz: str = "0.3 0 0") -> str:
-    return f'{origin(xyz)}<axis xyz="{axis}"/>{limit}{more}'
-
-
-def draw(arm: Arm, rng: np.random.Generator) -> np.ndarray:
-    return rng.uniform(*arm.span)
+    return f'<origin xyz="{xyz}"/><axis xyz="{axis}"/>{limit}{more}'
 
 
 def noted(arm: Arm, *words: str) -> bool:
@@ -34,7 +40,7 @@ def noted(arm: Arm, *words: str) -> bool:
 
 
 @pytest.mark.parametrize(
-    ("robot", "n", "tip"),
+    ("name", "n", "tip"),
     sampled([
         ("panda", 7, "panda_hand_tcp"), ("ur3", 6, "tool0"), ("ur5", 6, "tool0"),
         ("ur10", 6, "tool0"), ("kinova", 6, "j2s6s200_end_effector"), ("xarm7", 7, "link_eef"),
@@ -46,11 +52,10 @@ def noted(arm: Arm, *words: str) -> bool:
         ("scara", 4, "tool0"), ("planar3r", 3, "tool0"),
     ]),
 )  # fmt: skip
-def test_the_arm_and_its_tip(robot, n, tip):
-    arm = load(robot)
-    assert (arm.n, arm.tip) == (n, tip)
-    assert arm.model.nv == n
-    assert len(arm.joints) == len(arm.lower) == len(arm.upper) == len(arm.prismatic) == n
+def test_the_arm_and_its_tip(name, n, tip):
+    arm = load(name)
+    assert (arm.n, arm.tip, arm.model.nv) == (n, tip, n)
+    assert len(arm.lower) == len(arm.upper) == len(arm.prismatic) == n
     assert tuple(arm.model.names)[1:] == arm.joints  # base to tip
     assert (arm.lower < arm.upper).all()
     whole = arm.source.full_model
@@ -61,9 +66,9 @@ def test_the_arm_and_its_tip(robot, n, tip):
         assert noted(arm, arm.tip, "on the same link")
 
 
-@pytest.mark.parametrize("robot", ["panda", "z1", "so101", "tiago", "talos_arm"])
-def test_fingers_are_locked_and_told(robot):
-    arm = load(robot)
+@pytest.mark.parametrize("name", ["panda", "z1", "so101", "tiago", "talos_arm"])
+def test_fingers_are_locked_and_told(name):
+    arm = load(name)
     assert noted(arm, "locked beyond the tip")
     assert arm.source.locked
     assert not any(re.search("finger|gripper|hand", name.lower()) for name in arm.joints)
@@ -83,15 +88,29 @@ def test_a_given_tip():
 
 
 def test_nothing_to_analyse():
-    for robot in ("hector", "ur_ur3"):
+    for name in ("hector", "ur_ur3"):
         with pytest.raises(RobotFileError, match="nothing to analyse"):
-            load(robot)
+            load(name)
     with pytest.raises(ChainError, match="no movable joint"):
         load(pin.Model())
     urdf = load("a1", tip="FL_foot").source.path
     model = pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer())
     with pytest.raises(ChainError, match=r"4 chains.*--tip FL_foot \(3 joints\)"):
         load(model)
+
+
+def test_a_robot_that_nobody_knows():
+    with pytest.raises(UnknownNameError, match=r"such as ur5, panda.*pinsing list") as caught:
+        load("nope")
+    assert len(str(caught.value)) < 300
+    assert (caught.value.name, "ur5" in caught.value.known) == ("nope", True)
+    for asked, meant in [
+        ("kuka", "iiwa14"), ("ur5x", "ur5"), ("Franka Emika", "panda"), ("pandda", "panda"),
+        ("universal robots", "ur10"),
+    ]:  # fmt: skip
+        with pytest.raises(UnknownNameError, match="did you mean") as caught:
+            load(asked)
+        assert meant in caught.value.close
 
 
 def test_chosen_joints():
@@ -131,32 +150,19 @@ COMPOSITE = pin.JointModelComposite()
 COMPOSITE.addJoint(pin.JointModelRX(), STEP)
 
 
-def limits(low: float, high: float):
-    def put(model: pin.Model) -> None:
-        model.lowerPositionLimit[1], model.upperPositionLimit[1] = low, high
-
-    return put
-
-
-def put_far_away(model: pin.Model) -> None:
-    model.jointPlacements[2] = pin.SE3(np.eye(3), np.array([np.inf, 0.0, 0.0]))
-
-
 @pytest.mark.parametrize(
-    ("joint", "change", "message"),
+    ("joint", "limits", "at", "message"),
     [
-        (pin.JointModelHZ(0.1), None, "'j2': is a screw"),
-        (COMPOSITE, None, "'j2': is several joints"),
-        (pin.JointModelRZ(), limits(np.nan, 1.0), "not numbers"),
-        (pin.JointModelRZ(), limits(0.0, np.nan), "not numbers"),
-        (pin.JointModelRZ(), limits(1.0, -1.0), "lower limit 1 is above upper limit -1"),
-        (pin.JointModelRZ(), put_far_away, "'j2': its placement is not finite"),
+        (pin.JointModelHZ(0.1), (-2, 2), STEP, "'j2': is a screw"),
+        (COMPOSITE, (-2, 2), STEP, "'j2': is several joints"),
+        (pin.JointModelRZ(), (np.nan, 1), STEP, "not numbers"),
+        (pin.JointModelRZ(), (0, np.nan), STEP, "not numbers"),
+        (pin.JointModelRZ(), (1, -1), STEP, "lower limit 1 is above upper limit -1"),
+        (pin.JointModelRZ(), (-2, 2), place((np.inf, 0, 0)), "'j2': its placement is not finite"),
     ],
 )
-def test_joints_of_a_model_that_no_arm_can_have(make_model, joint, change, message):
-    model = make_model([(pin.JointModelRX(), STEP), (joint, STEP)])
-    if change is not None:
-        change(model)
+def test_joints_of_a_model_that_no_arm_can_have(joint, limits, at, message):
+    model = serial([(pin.JointModelRX(), STEP), (joint, at, *limits)])
     with pytest.raises(JointError, match=message) as caught:
         load(model, tip="tip")
     assert caught.value.joint == "j2"
@@ -203,8 +209,8 @@ def test_models_that_pinocchio_reduced():
 
 def test_degrees_and_millimetres_of_a_file_are_doubted(make_model):
     def said(length: float, high: float) -> str:
-        step = pin.SE3(np.eye(3), np.array([length, 0.0, 0.0]))
-        model = make_model([(pin.JointModelRZ(), STEP), (pin.JointModelRY(), step)], upper=high)
+        joints = [(pin.JointModelRZ(), STEP), (pin.JointModelRY(), place((length, 0, 0)))]
+        model = make_model(joints, upper=high)
         return "; ".join(n for n in load(model).notes if "WARNING" in n)
 
     assert not said(0.4, 4.0)
@@ -219,15 +225,16 @@ def test_link_and_joint_of_one_name(write_urdf, rng):
     arm = load(path)
     assert arm.tip == "l5"
     part = load(path, tip="l4", joints=["l2", "l3"])
-    q = draw(part, rng)
+    q = draw(part, rng, 1)[0]
     full = load(path, tip="l4")
     expected = frame_jacobian(full, [0, *q, 0])[:, 1:3]
     np.testing.assert_allclose(frame_jacobian(part, q), expected, atol=1e-12)
 
 
-def palletizer(write_urdf) -> object:
+@pytest.fixture
+def palletizer(write_urdf):
     """The hand stays level: its joint undoes those of shoulder and elbow, by way of another."""
-    joints = [
+    return write_urdf([
         ("revolute", turning("0 0 1", xyz="0 0 0.3")),
         ("revolute", turning("0 1 0", xyz="0.1 0 0.2")),
         ("revolute", turning("0 1 0", xyz="0 0 0.6")),
@@ -235,38 +242,27 @@ def palletizer(write_urdf) -> object:
         ("revolute", turning("0 0 1", xyz="0.1 0 0")),
         ("prismatic", turning("0 0 1", more='<mimic joint="j4" multiplier="0.1" offset="0.05"/>')),
         ("revolute", turning("1 0 0")),
-    ]
-    return write_urdf(joints)
+    ])  # fmt: skip
 
 
-def test_mimic_joints_of_the_chain_follow(write_urdf, rng):
-    path = palletizer(write_urdf)
-    arm = load(path)
+def test_mimic_joints_of_the_chain_follow(palletizer, rng):
+    arm = load(palletizer)
     assert (arm.joints, arm.prismatic.tolist()) == (("j1", "j2", "j3", "j5", "j7"), [False] * 5)
     assert noted(arm, "mimic", "j4 = -0.5 * j3 + 0.2", "j6 = -0.05 * j3 + 0.07")
-    model = pin.buildModelFromUrdf(str(path))
+    model = pin.buildModelFromUrdf(str(palletizer))
     data = model.createData()
     tip = model.getFrameId("l7")
-
-    def place(q: np.ndarray) -> pin.SE3:
+    for q in draw(arm, rng, 5):
         j4 = -0.5 * q[2] + 0.2
-        full = np.array([q[0], q[1], q[2], j4, q[3], 0.1 * j4 + 0.05, q[4]])
+        full = np.array([*q[:3], j4, q[3], 0.1 * j4 + 0.05, q[4]])
         pin.framesForwardKinematics(model, data, full)
-        return pin.SE3(data.oMf[tip])
-
-    h = 1e-6
-    for _ in range(5):
-        q = draw(arm, rng)
-        np.testing.assert_allclose(
-            tip_placement(arm, q).homogeneous, place(q).homogeneous, atol=1e-13
-        )
-        J = frame_jacobian(arm, q)
-        assert J.shape == (6, 5)
-        for i in range(5):
-            after, before = place(q + h * np.eye(5)[i]), place(q - h * np.eye(5)[i])
-            v = (after.translation - before.translation) / (2 * h)
-            w = pin.log3(after.rotation @ before.rotation.T) / (2 * h)
-            np.testing.assert_allclose(J[:, i], [*v, *w], atol=1e-8)
+        expected = data.oMf[tip].homogeneous
+        np.testing.assert_allclose(tip_placement(arm, q).homogeneous, expected, atol=1e-13)
+        follow = np.zeros((7, 5))
+        follow[[0, 1, 2, 4, 6], range(5)] = 1
+        follow[[3, 5], 2] = -0.5, -0.05
+        J = pin.computeFrameJacobian(model, data, full, tip, pin.LOCAL_WORLD_ALIGNED) @ follow
+        np.testing.assert_allclose(frame_jacobian(arm, q), J, atol=1e-12)
 
 
 def test_limits_of_a_leader_keep_its_followers_inside(write_urdf):
@@ -283,12 +279,12 @@ def test_limits_of_a_leader_keep_its_followers_inside(write_urdf):
         load(write_urdf(joints))
 
 
-def test_a_follower_comes_along_with_its_chosen_leader(write_urdf):
-    arm = load(palletizer(write_urdf), tip="l7", joints=["j3"])
+def test_a_follower_comes_along_with_its_chosen_leader(palletizer):
+    arm = load(palletizer, tip="l7", joints=["j3"])
     assert (arm.joints, arm.model.nv) == (("j3",), 3)
     assert frame_jacobian(arm, [0.2]).shape == (6, 1)
     with pytest.raises(JointError, match="'j4': follows another joint"):
-        load(palletizer(write_urdf), tip="l7", joints=["j3", "j4"])
+        load(palletizer, tip="l7", joints=["j3", "j4"])
 
 
 def test_a_leader_outside_the_chain(write_urdf):
@@ -314,7 +310,7 @@ def test_a_continuous_pair(write_urdf, rng):
     arm = load(write_urdf(joints))
     assert arm.joints == ("j1", "j3")
     assert np.isinf(arm.upper).all()
-    q = draw(arm, rng)
+    q = draw(arm, rng, 1)[0]
     R = pin.utils.rotate("z", -q[0]) @ pin.utils.rotate("y", q[1])
     np.testing.assert_allclose(tip_placement(arm, q).rotation, R, atol=1e-13)
     joints = [
@@ -374,8 +370,7 @@ def test_columns_are_found_by_their_names():
     arm = load("ur5")
     form = pinsing.closed_form(arm)
     Q = np.random.default_rng(0).uniform(-2, 2, (5, 6))
-    table = Table(list(arm.joints[::-1]), Q[:, ::-1])
-    row = Table(list(arm.joints[::-1]), Q[0, ::-1])
+    table, row = (Table(list(arm.joints[::-1]), x[..., ::-1]) for x in (Q, Q[0]))
     assert np.array_equal(pinsing.singular_values(arm, table), pinsing.singular_values(arm, Q))
     assert np.array_equal(pinsing.clearance(form, table).lower, pinsing.clearance(form, Q).lower)
     assert np.array_equal(pinsing.at(arm, row).q, Q[0])
@@ -436,11 +431,263 @@ def test_degrees_are_refused_and_radians_can_be_insisted_on():
 def test_joints_without_limits_count_as_limited_to_a_turn():
     arm = load("kinova")
     endless = int(np.flatnonzero(~np.isfinite(arm.upper))[0])
-    for value, refused in ((12.5, False), (12.6, True), (-90, True), (361, False)):
-        q = np.clip(np.zeros(arm.n), arm.lower, arm.upper)
+    q = np.clip(np.zeros(arm.n), arm.lower, arm.upper)
+    for value in (12.5, 361):
         q[endless] = value
-        if refused:
-            with pytest.raises(ConfigurationError, match="no limits"):
-                arm.check(q)
-        else:
+        arm.check(q)
+    for value in (12.6, -90):
+        q[endless] = value
+        with pytest.raises(ConfigurationError, match="no limits"):
             arm.check(q)
+
+
+# The doors that Pinocchio users try first: their models, wrappers, texts and configurations ---
+
+
+def model_of(name: str) -> pin.Model:
+    return pin.buildModelFromUrdf(str(find_robot(name).path))
+
+
+def panda_q(rng, model) -> np.ndarray:
+    """Within the limits of fingers and all."""
+    low, high = model.lowerPositionLimit, model.upperPositionLimit
+    return rng.uniform(np.maximum(low, -3), np.minimum(high, 3))
+
+
+def test_a_wrapper_a_model_a_path_a_text_and_a_name_are_one_arm():
+    path = find_robot("ur5").path
+    wrapper = RobotWrapper(model_of("ur5"))
+    q = [0.1, -1.0, 1.2, 0.3, 0.5, 0.0]
+    expected = pinsing.at(load("ur5"), q)
+    for given in (wrapper, wrapper.model, path, str(path), path.read_text()):
+        arm = load(given)
+        assert (arm.joints, arm.tip) == (expected.arm.joints, expected.arm.tip)
+        assert np.allclose(pinsing.at(arm, q).J, expected.J, atol=1e-12)
+
+
+def test_any_object_with_a_model(write_urdf):
+    arm = load(SimpleNamespace(model=model_of("ur5")))
+    assert arm.n == 6
+    with pytest.raises(ArgumentError, match="robot must be a file, the name of a robot"):
+        load(SimpleNamespace(model="ur5"))
+    with pytest.raises(TypeError):
+        load(RobotWrapper)
+    path = write_urdf([("revolute", turning()), ("revolute", turning(more=MIMIC))])
+    model = pin.buildModelFromUrdf(str(path), mimic=True)
+    assert any("Mimic" in j.shortname() for j in model.joints)
+    with pytest.raises(PinsingError, match="mimic=False"):
+        load(model)
+
+
+TEXT = robot()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        TEXT, "\n\n   \t" + TEXT, "\ufeff" + TEXT, '<?xml version="1.0"?>\n' + TEXT,
+        '  \n<?xml version="1.0" encoding="iso-8859-1"?>\n<!-- \u00e9 -->\n' + TEXT,
+    ],
+)  # fmt: skip
+def test_text_of_a_urdf(text):
+    arm = load(text)
+    assert arm.n == 2
+    assert (arm.source.label, arm.source.path) == ("URDF text", None)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "expected"),
+    [
+        ("\n\n<robot name='r'>\n</robt>", 4, "mismatched tag"), ("<", None, "is not XML"),
+        ("<!DOCTYPE robot [<!ENTITY a 'b'>]><robot/>", 1, "document types and entities"),
+        ("<robot name='\ud800'/>", 1, "lone surrogate"),
+        ('<?xml version="1.0"?>\n' + robot().replace(LIMIT, ""), None, "has no <limit>"),
+        (XACRO.format('<xacro:property name="a" value="1"/>'), None, "is xacro: give the path"),
+    ],
+)  # fmt: skip
+def test_text_that_is_no_robot(text, line, expected):
+    with pytest.raises(RobotFileError, match=expected) as caught:
+        load(text)
+    said = str(caught.value)
+    assert said.startswith("URDF text:")
+    assert "\n" not in said
+    assert len(said) < 300
+    assert line in (None, caught.value.line)
+
+
+@pytest.mark.parametrize("path", ["a/" * 3000, "a/\0b", "a/\x1b[2J\nb"])
+def test_a_path_that_cannot_be_is_one_short_line(path):
+    with pytest.raises(RobotFileError, match="no such file") as caught:
+        load(path)
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 300
+    assert caught.value.path == Path(path)
+
+
+def test_text_reads_no_meshes_of_the_working_folder(tmp_path, monkeypatch):
+    """Text from a stranger has no folder: what lies where the user stands is not its own."""
+    (tmp_path / "a.stl").write_bytes(b"solid a\nendsolid a\n")
+    monkeypatch.chdir(tmp_path)
+    for address in ("a.stl", "./a.stl", "file://a.stl", f"file://{tmp_path}/a.stl", "../a.stl"):
+        visual = f'<visual><geometry><mesh filename="{address}"/></geometry></visual>'
+        text = robot(links="ab", extra=f'<link name="c">{visual}</link>')
+        arm = load(text)
+        assert "mesh filename" not in arm.source.xml
+        given = load(text.replace(address, "package://p/a.stl"), packages={"p": tmp_path})
+        assert "mesh filename" in given.source.xml
+
+
+def test_a_configuration_of_the_whole_model_is_one_of_the_arm(rng):
+    """Panda has two fingers beside its seven joints."""
+    model = model_of("panda")
+    arm = load(model)
+    assert (arm.n, model.nq) == (7, 9)
+    full = panda_q(rng, model)
+    q = arm.q_of(full)
+    assert np.array_equal(q, full[:7])
+    assert np.array_equal(arm.full_q(q, others=full), full)
+    assert np.array_equal(arm.q_of(arm.full_q(q)), q)
+    data = model.createData()
+    theirs = pin.computeFrameJacobian(
+        model, data, full, model.getFrameId(arm.tip), pin.LOCAL_WORLD_ALIGNED
+    )
+    assert np.allclose(pinsing.frame_jacobian(arm, full), theirs[:, :7], atol=1e-12)
+
+
+def test_continuous_joints_are_a_cosine_and_a_sine():
+    kinds = (pin.JointModelRUBZ(), pin.JointModelRY(), pin.JointModelRUBY())
+    *places, tip = (place((0, 0, z)) for z in (0, 0.4, 0.3, 0.2))
+    model = serial(zip(kinds, places, strict=True), tip)
+    arm = load(model, task="position")
+    assert (arm.n, model.nq) == (3, 5)
+    q = np.array([3.0, 0.5, -2.0])
+    full = arm.full_q(q)
+    assert np.allclose(full, [np.cos(3), np.sin(3), 0.5, np.cos(-2), np.sin(-2)])
+    assert np.allclose(arm.q_of(full), q)
+    assert np.allclose(pinsing.at(arm, full).sigma, pinsing.at(arm, q).sigma)
+    assert np.allclose(arm.q_of(pin.neutral(model)), 0)
+    full[3:] = 0
+    with pytest.raises(ConfigurationError, match="'j3' must be its cosine and sine") as caught:
+        pinsing.at(arm, full)
+    assert caught.value.joint == "j3"
+
+
+def test_parts_of_the_whole_model(rng):
+    model = model_of("ur5")
+    arm = load(model, joints=[n for n in list(model.names)[1:] if "elbow" not in n])
+    full = arm.full_q(np.full(5, 0.3))
+    assert np.allclose(arm.q_of(full), 0.3)
+    full[2] += 0.5
+    with pytest.raises(ConfigurationError, match="is locked in this arm") as caught:
+        pinsing.singular_values(arm, full[None])
+    assert (caught.value.joint, caught.value.value) == ("elbow_joint", pytest.approx(0.5))
+    for name in ("ur5", "stanford", "puma560"):
+        arm = load(model_of(name))
+        assert arm.n == arm.source.full_model.nq
+        q = rng.uniform(-1, 1, arm.n)
+        assert np.array_equal(arm.q_of(q), q)
+        assert np.array_equal(arm.full_q(q), q)
+    model = model_of("panda")
+    arm = load(model, base="panda_link1", tip="panda_link8")
+    assert (arm.n, model.nq) == (6, 9)
+    full = panda_q(rng, model)
+    assert np.array_equal(arm.q_of(full), full[1:7])  # where joint 1 stands does not matter
+    exact = pinsing.robot.nominal(arm).arm
+    assert np.array_equal(exact.q_of(full), full[1:7])
+    assert pinsing.singular_values(exact, full[None]).shape == (1, 6)
+
+
+MIMIC = '<mimic joint="j1" multiplier="-2" offset="0.25"/>'
+
+
+def test_mimic_joints_follow_in_the_whole_model_too(write_urdf):
+    path = write_urdf([("revolute", turning(more=x)) for x in ("", MIMIC, "")])
+    arm = load(path, task="vx,vy")
+    assert (arm.n, arm.source.full_model.nq) == (2, 3)
+    full = arm.full_q([0.1, 0.7])
+    assert np.allclose(full, [0.1, -0.2 + 0.25, 0.7])
+    assert np.allclose(arm.q_of(full), [0.1, 0.7])
+    with pytest.raises(ConfigurationError, match="j2' follows 'j1' in the description") as caught:
+        arm.q_of([0.1, 0.1, 0.7])
+    assert caught.value.joint == "j2"
+
+
+@pytest.mark.parametrize("where", ["sweep", "map", "special"])
+def test_errors_about_limits_have_joint_value_and_limits(where):
+    arm = load("puma560")
+    q = np.zeros(6)
+    q[1] = -1.5
+    asked = {
+        "sweep": lambda: pinsing.sampling.plan_sweep(arm, nominal=q),
+        "map": lambda: pinsing.sampling.plan_map(arm, q=q, joints=[arm.joints[0]]),
+        "special": lambda: pinsing.sampling.plan_sweep(arm, special={arm.joints[1]: [-1.5]}),
+    }
+    with pytest.raises(ConfigurationError) as caught:
+        asked[where]()
+    assert (caught.value.joint, caught.value.value) == (arm.joints[1], pytest.approx(-1.5))
+    assert caught.value.limits == (arm.lower[1], arm.upper[1])
+
+
+def test_errors_carry_data(write_urdf, tmp_path):
+    arm = load("ur5")
+    with pytest.raises(ConfigurationError) as caught:
+        pinsing.at(arm, [0, 0, np.nan, 0, 0, 0])
+    assert caught.value.joint == arm.joints[2]
+    assert np.isnan(caught.value.value)
+    with pytest.raises(UnknownNameError) as frame:
+        load("ur5", tip="tool1")
+    assert frame.value.kind == "frame"
+    assert "tool0" in frame.value.close
+    model = model_of("ur5")
+    model.lowerPositionLimit[1], model.upperPositionLimit[1] = 1.0, -1.0
+    with pytest.raises(JointError) as limits:
+        load(model)
+    assert (limits.value.joint, limits.value.limits) == ("shoulder_lift_joint", (1.0, -1.0))
+    path = tmp_path / "a.urdf"
+    path.write_text("<robot>\n<link></robot>")
+    with pytest.raises(RobotFileError) as damaged:
+        load(path)
+    assert (damaged.value.path, damaged.value.line) == (path, 2)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        ArgumentError("arm", "an Arm", "None", "load one"),
+        ConfigurationError("q", joint="j", value=1.0, limits=(0.0, 0.5)),
+        JointError("j", "is odd", value=1.0),
+        RobotFileError("is damaged", Path("a.urdf"), 3),
+        UnknownNameError("robot", "nope", ["a", "b"]),
+    ],
+)
+def test_errors_travel_with_their_data(error):
+    """Workers send them home by pickle."""
+    again = pickle.loads(pickle.dumps(error))
+    assert type(again) is type(error)
+    assert str(again) == str(error)
+    assert again.__dict__ == error.__dict__
+
+
+def test_an_error_about_chains_carries_what_could_be_asked_for():
+    with pytest.raises(ChainError) as several:
+        load("pr2")
+    error = several.value
+    assert len(error.tips) == len(error.lengths) >= 2
+    for tip, n in zip(error.tips, error.lengths, strict=True):
+        assert load("pr2", tip=tip).n == n
+    for given, fault in (
+        ({"joints": ["panda_finger_joint1"], "tip": "panda_hand"}, "panda_finger_joint1"),
+        ({"joints": ["panda_joint1", "panda_joint1"]}, "panda_joint1"),
+    ):
+        with pytest.raises(ChainError, match=fault) as other:
+            load("panda", **given)
+        assert other.value.joint == fault
+        assert (other.value.tips, other.value.lengths) == ((), ())
+    assert pickle.loads(pickle.dumps(error)).tips == error.tips
+    with pytest.raises(ChainError) as apart:
+        load("pr2", base="l_wrist_roll_link", tip="l_gripper_palm_link")
+    assert (apart.value.base, apart.value.tip) == ("l_wrist_roll_link", "l_gripper_palm_link")
+
+
+def test_a_chain_of_a_mechanism_says_what_is_left_out():
+    assert "closed loops of delta.loops.yaml are left out" in str(pinsing.closed_form("delta"))

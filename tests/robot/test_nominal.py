@@ -7,9 +7,10 @@ from fractions import Fraction
 import numpy as np
 import pinocchio as pin
 import pytest
-from arms import CATALOGUE, draw, place
+from arms import CATALOGUE, draw, place, serial
 from batch_cases import reference_jacobian
 from hypothesis import given, strategies as st
+from pinocchio.utils import rotate
 from tiers import sampled, tiered_rows
 from urdf_text import J, Y, urdf
 
@@ -18,13 +19,13 @@ from pinsing.measures import Chain
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.robot.nominal import ANGLE_TOL, Deviation, Nominal, flatten, nominal
-from pinsing.robot.surd import Surd, cosine, sine
+from pinsing.robot.surd import SQUARES, Surd, cosine, parts_of, sine, surd
 
 IDENTITY = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
 
 
 def rotation(axis: str, degrees: float) -> np.ndarray:
-    return pin.utils.rotate(axis, math.radians(degrees))
+    return rotate(axis, math.radians(degrees))
 
 
 def rational_jacobian(exact: Nominal, q: np.ndarray) -> np.ndarray:
@@ -67,18 +68,21 @@ def check(arm: Arm, exact: Nominal, Q: np.ndarray) -> float:
     return seen
 
 
+def snapped(joints, tip=None, count=50, **tolerances) -> tuple[Nominal, float]:
+    """Joints, or places where one turns about z, made exact and checked; and what `check` gives."""
+    joints = [(pin.JointModelRZ(), x) if isinstance(x, pin.SE3) else x for x in joints]
+    arm = load(serial(joints, tip), tip="tip")
+    exact = nominal(arm, **tolerances)
+    return exact, check(arm, exact, draw(arm, np.random.default_rng(7), count))
+
+
 @pytest.mark.parametrize(
     ("written", "quarter"),
     [(1.5708, 1), (1.57, 1), (-1.5707963, -1), (3.14, 2), (3.1416, 2), (-1.571, -1), (0.0005, 0)],
 )
-def test_rounded_right_angles(make_model, rng, written, quarter):
-    R = pin.utils.rotate("x", written)
-    model = make_model(
-        [(pin.JointModelRZ(), place((0, 0, 0.1))), (pin.JointModelRZ(), place((0.4, 0, 0), R))],
-        place((0.25, 0, 0.125)),
-    )
-    arm = load(model, tip="tip")
-    exact = nominal(arm)
+def test_rounded_right_angles(written, quarter):
+    places = place((0, 0, 0.1)), place((0.4, 0, 0), rotate("x", written))
+    exact, seen = snapped(places, place((0.25, 0, 0.125)))
     s = (0, 1, 0, -1)[quarter % 4]
     c = (1, 0, -1, 0)[quarter % 4]
     assert exact.rotation[1] == ((1, 0, 0), (0, c, -s), (0, s, c))
@@ -91,20 +95,19 @@ def test_rounded_right_angles(make_model, rng, written, quarter):
     assert exact.translation == (
         (0, 0, Fraction(1, 10)), (Fraction(2, 5), 0, 0), (Fraction(1, 4), 0, Fraction(1, 8)),
     )  # fmt: skip
-    seen = check(arm, exact, draw(arm, rng, 50))
     assert 0.1 * error < exact.jacobian_change < 4 * error
     assert seen > 0.1 * error
 
 
-def test_angles_beyond_the_tolerance_stay(make_model):
-    turned = [pin.utils.rotate("x", a) for a in (0.0, math.pi / 2 + 2 * ANGLE_TOL)]
-    arm = load(make_model([(pin.JointModelRZ(), place((0.3, 0, 0), R)) for R in turned]), tip="tip")
-    stays = nominal(arm)
+def test_angles_beyond_the_tolerance_stay():
+    angles = (0.0, math.pi / 2 + 2 * ANGLE_TOL)
+    places = [place((0.3, 0, 0), rotate("x", a)) for a in angles]
+    stays, _ = snapped(places)
     (twist,) = stays.snaps
     assert twist.what == "twist"
     assert twist.size < 1e-11
     assert stays.jacobian_change < 1e-10
-    (angle,) = nominal(arm, angle_tol=3 * ANGLE_TOL).snaps
+    (angle,) = snapped(places, angle_tol=3 * ANGLE_TOL)[0].snaps
     assert (angle.what, angle.size) == ("angle", pytest.approx(2 * ANGLE_TOL))
 
 
@@ -122,7 +125,7 @@ def test_what_files_have_is_read_as_written():
     exact = nominal(load("xarm7"))
     assert {s.what for s in exact.snaps} == {"angle"}
     assert max(s.size for s in exact.snaps) == pytest.approx(3.673e-6, rel=1e-3)
-    assert all(x.denominator == 1 for R in exact.rotation for row in R for x in row)
+    assert by_quarter_turns(exact)
     assert nominal(load("xarm7", length_scale=0.1)).jacobian_change > 2 * exact.jacobian_change
     for name in ("stanford", "surgical7", "puma560", "irb1400", "iiwa14", "scara"):
         exact = nominal(load(name))
@@ -131,110 +134,88 @@ def test_what_files_have_is_read_as_written():
 
 
 @pytest.mark.parametrize("tolerance", [ANGLE_TOL, 0.01])
-def test_angles_that_are_moved_move_no_length(make_model, rng, tolerance):
+def test_angles_that_are_moved_move_no_length(tolerance):
     """A calibrated arm: angles off by a milliradian, lengths with all their digits."""
-    R = [pin.utils.rotate("x", math.pi / 2 + 1.5e-3), pin.utils.rotate("y", -1e-3), np.eye(3)]
+    R = [rotate("x", math.pi / 2 + 1.5e-3), rotate("y", -1e-3), np.eye(3)]
     lengths = [(0.0, 0.0, 0.162712244574), (-0.425170344631, 1.23e-5, 0.0003519)]
     lengths += [(0.0, -0.099603596358, 2.5e-6)]
-    joints = [(pin.JointModelRZ(), place(t, r)) for t, r in zip(lengths, R, strict=True)]
-    arm = load(make_model(joints, place((0.0007, 0, 0.1))), tip="tip")
-    exact = nominal(arm, angle_tol=tolerance)
+    exact, _ = snapped(map(place, lengths, R), place((0.0007, 0, 0.1)), angle_tol=tolerance)
     assert exact.rotation[0] == ((1, 0, 0), (0, 0, -1), (0, 1, 0))
     assert {s.what for s in exact.snaps} == {"angle"}
     for found, written in zip(exact.translation, [*lengths, (0.0007, 0, 0.1)], strict=True):
         assert found == tuple(Fraction(repr(float(x))) for x in written)
-    check(arm, exact, draw(arm, rng, 50))
     deviation = Deviation.of(exact.snaps)
     assert (deviation.angle, deviation.length) == (pytest.approx(1.5e-3), 0.0)
     assert "lengths as written" in str(deviation)
 
 
-def test_origins_stay_on_axes_that_are_turned(make_model, rng):
+def test_origins_stay_on_axes_that_are_turned():
     """The origin slides along the axis as it is made, not as it was rounded."""
-    tilted = rotation("z", -177.2) @ rotation("x", 0) @ pin.utils.rotate("x", 1.5708)
-    joints = [
-        (pin.JointModelRZ(), place((0.1, 0, 0.2))),
-        (pin.JointModelRZ(), place((0, -0.0611, 0.0181), pin.utils.rotate("x", 1.5708))),
-        (pin.JointModelRZ(), place((0.1, 0.0611, 0.0181), tilted.T)),
-    ]
-    arm = load(make_model(joints, place((0, 0, 0.1))), tip="tip")
-    exact = nominal(arm)
+    quarter = rotate("x", 1.5708)
+    places = [
+        place((0.1, 0, 0.2)), place((0, -0.0611, 0.0181), quarter),
+        place((0.1, 0.0611, 0.0181), (rotation("z", -177.2) @ quarter).T),
+    ]  # fmt: skip
+    exact, _ = snapped(places, place((0, 0, 0.1)))
     digits = [len(f"{float(x):.15g}") for t in exact.translation[1:] for x in t]
     assert max(digits) <= 8
-    check(arm, exact, draw(arm, rng, 50))
 
 
-def test_snap_length(make_model, rng):
+def test_snap_length():
     """The 0.436 mm offset of an iiwa model: kept by default, gone on request."""
-    model = make_model(
-        [
-            (pin.JointModelRZ(), place((0, 0, 0.36))),
-            (pin.JointModelRZ(), place((-0.000436, 0, 0.42), rotation("x", 90))),
-            (pin.JointModelRZ(), place((0.01, 0.4, 0), rotation("x", -90))),
-        ],
-        place((0, 0, 0.126)),
-    )
-    arm = load(model, tip="tip")
-    kept = nominal(arm)
+    places = [
+        place((0, 0, 0.36)), place((-0.000436, 0, 0.42), rotation("x", 90)),
+        place((0.01, 0.4, 0), rotation("x", -90)),
+    ]  # fmt: skip
+    kept, _ = snapped(places, place((0, 0, 0.126)))
     assert kept.translation[1][0] == Fraction(-436, 10**6)
     assert kept.exact
     assert not kept.snaps
-    gone = nominal(arm, snap_length=1e-3)
+    gone, seen = snapped(places, place((0, 0, 0.126)), count=100, snap_length=1e-3)
     assert gone.translation[1] == (0, 0, Fraction(42, 100))
     assert gone.translation[2][0] == Fraction(1, 100)
     (snap,) = gone.snaps
     assert (snap.what, snap.where) == ("length", "j1 to j2")
     assert snap.size == pytest.approx(0.000436)
     assert " m " in str(snap)
-    seen = check(arm, gone, draw(arm, rng, 100))
     assert 0.5 * 0.000436 < seen < 1.000001 * gone.jacobian_change < 3 * 0.000436
+
+
+def by_quarter_turns(exact: Nominal) -> bool:
+    return all(x.denominator == 1 for R in exact.rotation for row in R for x in row)
 
 
 @pytest.mark.parametrize("degrees", [45, -30, 17.3, 90, 135, 180])
 @pytest.mark.parametrize("at", [0, 1, 2])
-def test_a_turn_about_the_joints_own_axis_is_an_offset(make_model, rng, degrees, at):
-    turns = [rotation("z", degrees if i == at else 0) for i in range(3)]
-    tilts = [np.eye(3), rotation("x", 90), rotation("x", -90)]
-    joints = [(pin.JointModelRZ(), place((0.1 * i, 0, 0.3), tilts[i] @ turns[i])) for i in range(3)]
-    arm = load(make_model(joints, place((0.5, 0.2, 0))), tip="tip")
-    exact = nominal(arm)
-    assert exact.exact
-    assert not exact.snaps
-    integers = all(x.denominator == 1 for R in exact.rotation for row in R for x in row)
-    assert integers
-    check(arm, exact, draw(arm, rng, 20))
+def test_a_turn_about_the_joints_own_axis_is_an_offset(degrees, at):
+    turns = [rotation("x", 90 * (i > 0) - 180 * (i > 1)) for i in range(3)]
+    turns[at] = turns[at] @ rotation("z", degrees)
+    places = [place((0.1 * i, 0, 0.3), R) for i, R in enumerate(turns)]
+    exact, _ = snapped(places, place((0.5, 0.2, 0)), count=20)
+    assert (exact.exact, exact.snaps) == (True, ())
+    assert by_quarter_turns(exact)
 
 
 @pytest.mark.parametrize("degrees", [15, -30, 45, 60, -75, 105, 135, 150, -165])
 @pytest.mark.parametrize("digits", [4, 16])
-def test_twists_of_fifteen_degrees_are_exact(make_model, rng, degrees, digits):
-    R = pin.utils.rotate("x", round(math.radians(degrees), digits))
-    joints = [
-        (pin.JointModelRZ(), place((0, 0, 0.4))),
-        (pin.JointModelRZ(), place((0.1, 0, 0), R)),
-        (pin.JointModelRZ(), place((0.2, 0, 0), rotation("x", -90))),
-    ]
-    arm = load(make_model(joints, place((0.3, 0, 0.08))), tip="tip")
-    exact = nominal(arm)
+def test_twists_of_fifteen_degrees_are_exact(degrees, digits):
+    R = rotate("x", round(math.radians(degrees), digits))
+    places = place((0, 0, 0.4)), place((0.1, 0, 0), R), place((0.2, 0, 0), rotation("x", -90))
+    exact, _ = snapped(places, place((0.3, 0, 0.08)), count=30)
     c, s = cosine(degrees // 15), sine(abs(degrees) // 15)  # a half turn flips the sine
     assert exact.rotation[1] == ((1, 0, 0), (0, c, -s), (0, s, c))
     assert [s.what for s in exact.snaps] == ["angle"] * (digits == 4)
-    check(arm, exact, draw(arm, rng, 30))
 
 
 @pytest.mark.parametrize(("tilt", "last"), [(0.9, 1.4e-9), (math.pi / 4 + 1e-6, 0.0)])
-def test_the_largest_angle_that_was_moved_is_told(make_model, tilt, last):
-    turns = (pin.utils.rotate(axis, x) for axis, x in (("z", 1.1e-3), ("x", tilt), ("z", last)))
-    joints = [
-        (pin.JointModelRZ(), place((0, 0, 0.4))),
-        (pin.JointModelRZ(), place((0.3, 0, 0.1), np.linalg.multi_dot(list(turns)))),
-    ]
-    moved = Deviation.of(nominal(load(make_model(joints, place((0.2, 0, 0))), tip="tip")).snaps)
-    assert moved.angle == pytest.approx(1.1e-3, rel=1e-3)
+def test_the_largest_angle_that_was_moved_is_told(tilt, last):
+    R = rotate("z", 1.1e-3) @ rotate("x", tilt) @ rotate("z", last)
+    exact, _ = snapped([place((0, 0, 0.4)), place((0.3, 0, 0.1), R)], place((0.2, 0, 0)))
+    assert Deviation.of(exact.snaps).angle == pytest.approx(1.1e-3, rel=1e-3)
 
 
 @pytest.mark.parametrize("axis", [(1, 0, 0), (0, -1, 0), (0, 0, -1), (-1, 0, 0), (0, 1, 0)])
-def test_axes_along_coordinates_stay_exact(make_model, rng, axis):
+def test_axes_along_coordinates_stay_exact(axis):
     axis = np.array(axis, dtype=float)
     joints = [
         (pin.JointModelRX(), place((0.1, 0.2, 0.3))),
@@ -242,12 +223,9 @@ def test_axes_along_coordinates_stay_exact(make_model, rng, axis):
         (pin.JointModelPrismaticUnaligned(axis), place((0, 0.25, 0), rotation("y", 90))),
         (pin.JointModelRY(), place((0.1, 0, 0))),
     ]
-    arm = load(make_model(joints, place((0.3, 0, 0.1))), tip="tip")
-    exact = nominal(arm)
-    assert exact.exact
-    assert not exact.snaps
-    assert all(x.denominator == 1 for R in exact.rotation for row in R for x in row)
-    check(arm, exact, draw(arm, rng, 30))
+    exact, _ = snapped(joints, place((0.3, 0, 0.1)), count=30)
+    assert (exact.exact, exact.snaps) == (True, ())
+    assert by_quarter_turns(exact)
 
 
 @pytest.mark.parametrize(("robot", "tip"), sampled(tiered_rows(CATALOGUE, CATALOGUE[::2])))
@@ -261,8 +239,7 @@ def test_real_arms(robot, tip, rng):
     again = nominal(exact.arm)  # it is its own
     assert again.arm is exact.arm
     assert (again.rotation, again.translation) == (exact.rotation, exact.translation)
-    assert again.exact
-    assert again.snaps == ()
+    assert (again.exact, again.snaps) == (True, ())
     assert generic_rank(exact.arm) == generic_rank(arm)
     told, anew = flatten(exact.arm), flatten(replace(exact.arm))  # the chain is its model's
     assert told is not anew
@@ -270,22 +247,18 @@ def test_real_arms(robot, tip, rng):
     assert (told.prismatic == anew.prismatic).all()
 
 
-def test_mimic_joints_count_with_their_multiplier(write_urdf, rng):
-    def joint(more: str = "", limits: str = 'lower="-1" upper="1"') -> str:
-        return (
-            '<origin xyz="0.4 0 0" rpy="1.5708 0 0"/><axis xyz="0 0 1"/>'
-            f'<limit {limits} effort="1" velocity="1"/>{more}'
-        )
-
-    follow = '<mimic joint="j1" multiplier="-3" offset="0.1"/>'
-    path = write_urdf(
-        [
-            ("revolute", joint()), ("continuous", joint()),
-            ("revolute", joint(follow, 'lower="-5" upper="5"')),
-            ("continuous", joint('<mimic joint="j2" multiplier="2"/>')), ("revolute", joint()),
-        ]
-    )  # fmt: skip
-    arm = load(path)
+def test_mimic_joints_count_with_their_multiplier(rng):
+    rows = [
+        ("revolute", (-1, 1), ""), ("continuous", None, ""),
+        ("revolute", (-5, 5), '<mimic joint="j1" multiplier="-3" offset="0.1"/>'),
+        ("continuous", None, '<mimic joint="j2" multiplier="2"/>'), ("revolute", (-1, 1), ""),
+    ]  # fmt: skip
+    at = {"at": (0.4, 0, 0), "rpy": (1.5708, 0, 0)}
+    joints = [
+        J(f"j{i}", f"l{i - 1}", f"l{i}", **at, kind=kind, limits=limits, more=more)
+        for i, (kind, limits, more) in enumerate(rows, 1)
+    ]
+    arm = load(urdf(joints))
     assert arm.n == 3
     exact = nominal(arm)
     seen = check(arm, exact, draw(arm, rng, 200))
@@ -347,9 +320,9 @@ def chains(draw_from):
 
 
 @given(chains(), st.integers(0, 2**32 - 1))
-def test_any_chain_is_within_its_stated_bound(make_model, chain, seed):
+def test_any_chain_is_within_its_stated_bound(chain, seed):
     joints, tip = chain
-    arm = load(make_model(joints, tip), tip="tip")
+    arm = load(serial(joints, tip), tip="tip")
     Q = draw(arm, np.random.default_rng(seed), 8)
     exact = nominal(arm)
     check(arm, exact, Q)
@@ -374,3 +347,45 @@ def test_a_fixed_joint_of_four_digits_tilts_no_length():
     )
     assert {s.what for s in exact.snaps} == {"angle"}
     check(arm, exact, draw(arm, np.random.default_rng(1), 50))
+
+
+# Exact numbers with square roots of 2 and 3 ----------------------------------------------
+
+fractions = st.fractions(min_value=-9, max_value=9, max_denominator=50)
+numbers = st.builds(surd, fractions, fractions, fractions, fractions)
+
+
+@pytest.mark.parametrize("steps", range(-30, 31))
+def test_multiples_of_fifteen_degrees(steps):
+    angle = math.radians(15 * steps)
+    assert float(cosine(steps)) == pytest.approx(math.cos(angle), abs=1e-14)
+    assert float(sine(steps)) == pytest.approx(math.sin(angle), abs=1e-14)
+    assert cosine(steps) * cosine(steps) + sine(steps) * sine(steps) == 1
+    if steps % 6 == 0 or steps % 4 == 0:
+        assert isinstance(cosine(steps), Fraction)  # what is rational is no Surd
+
+
+@pytest.mark.slow
+@given(numbers, numbers, numbers)
+def test_the_field(a, b, c):
+    assert a + b == b + a
+    assert a * b == b * a
+    assert (a + b) * c == a * c + b * c
+    assert (a - b, a - a) == (-(b - a), 0)
+    if a != 0:
+        assert a / a == 1
+        assert b / a * a == b
+        assert 1 / a * a == 1
+    assert float(a * b) == pytest.approx(float(a) * float(b), rel=1e-9, abs=1e-9)
+    assert hash(a + b) == hash(b + a)
+
+
+@pytest.mark.slow
+@given(numbers)
+def test_floats_do_not_cancel(a):
+    """A number close to zero keeps all its digits."""
+    value = sum(float(p) * math.sqrt(s) for p, s in zip(parts_of(a), SQUARES, strict=True))
+    assert float(a) == pytest.approx(value, abs=1e-12)
+    tiny = surd(Fraction(-665857), Fraction(470832), Fraction(0), Fraction(0))  # a convergent
+    assert isinstance(tiny, Surd)
+    assert float(tiny) == pytest.approx(-1 / (665857 + 470832 * math.sqrt(2)), rel=1e-12)

@@ -2,11 +2,13 @@
 
 import json
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from command_line import run
 from dh_arms import dh_text
 from tiers import tiered
+from urdf_text import J, urdf
 
 import pinsing
 from pinsing.description.catalog import known_robots
@@ -33,28 +35,23 @@ def test_both_read_the_same_in_every_arm_of_the_catalogue(name: str) -> None:
     assert max(found.translation, found.rotation) < 1e-12
 
 
-def planar(length: str = "0.3", kind: str = "revolute", upper: str = "2", last: str = "j2") -> Arm:
-    joints = [("j1", "l0", "l1", "revolute", "2"), (last, "l1", "l2", kind, upper)]
-    inside = "".join(
-        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{length} 0 0"/><axis xyz="0 0 1"/>'
-        f'<limit lower="-2" upper="{upper}" effort="1" velocity="1"/></joint>'
-        for name, parent, child, kind, upper in joints
-    )
-    links = "".join(f'<link name="l{i}"/>' for i in range(3))
-    return pinsing.load(f'<robot name="planar">{links}{inside}</robot>', task="vx,vy")
+def planar(length: float = 0.3, kind: str = "revolute", upper: float = 2, last: str = "j2") -> Arm:
+    at = (length, 0, 0)
+    first = J("j1", "l0", "l1", at, kind="revolute", limits=(-2, 2))
+    other = J(last, "l1", "l2", at, kind=kind, limits=(-2, upper))
+    return pinsing.load(urdf([first, other], "planar"), task="vx,vy")
 
 
 @pytest.mark.parametrize(
     ("other", "said"),
     [
-        ({"length": "0.31"}, "links are up to 0.0"),
-        ({"upper": "2.5"}, "limits of j2 are -2.0 to 2.5, not -2.0 to 2.0"),
+        ({"length": 0.31}, "links are up to 0.0"),
+        ({"upper": 2.5}, "limits of j2 are -2.0 to 2.5, not -2.0 to 2.0"),
         ({"kind": "prismatic"}, "joint j2 is prismatic"),
         ({"last": "j3"}, "there is no joint j2"),
     ],
 )
-def test_what_differs_is_said(other: dict[str, str], said: str) -> None:
+def test_what_differs_is_said(other: dict[str, Any], said: str) -> None:
     # The model says one thing and the file another, as by a reader's fault.
     source = replace(planar().source, shapes=planar(**other).source.shapes)
     found = second_reading(replace(planar(), source=source))
