@@ -8,8 +8,9 @@ from typing import Any
 
 from pinsing import plot
 
-SCRIPTS = Path(__file__).parents[1] / "scripts"
-REFERENCE = Path(__file__).parents[1] / "docs" / "reference" / "api.md"
+ROOT = Path(__file__).parents[1]
+SCRIPTS = ROOT / "scripts"
+REFERENCE = ROOT / "docs" / "reference" / "api.md"
 
 
 def script(name: str) -> Any:

@@ -7,6 +7,7 @@ import shlex
 import signal
 import stat
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -14,10 +15,11 @@ from arms import URDF
 from command_line import python, run, started
 from kernel import needs_kernel
 from tiers import sampled, tiered
-from urdf_texts import LIMIT
+from urdf_texts import LIMIT, XACRO, joint
 
 import pinsing
 from pinsing.atomic_write import check_writable, write_text
+from pinsing.cli.app import COMMANDS
 from pinsing.cli.options import parse_numbers
 from pinsing.errors import ConfigurationError, OutputError
 from pinsing.kinematics.at import State
@@ -117,25 +119,31 @@ class TestAt:
         assert "  Move the path: no other posture of its start" in done.stdout
 
 
-class TestSweep:
-    def test_degrees_of_special_values(self):
-        words = ["analyze", "--sweep", "puma560", "--levels", "1", "--samples", "11", "-o", "-"]
-        in_degrees = json.loads(run(*words, "--special", "0,90", "--deg").stdout)
-        in_radians = json.loads(run(*words, "--special", "0,pi/2").stdout)
-        assert in_degrees == in_radians
+def test_degrees_of_special_values():
+    words = [
+        "analyze",
+        "--sweep",
+        "puma560",
+        "--levels",
+        "1",
+        "--samples",
+        "11",
+        "-o",
+        "-",
+        "--special",
+    ]
+    in_degrees, in_radians = run(*words, "0,90", "--deg"), run(*words, "0,pi/2")
+    assert json.loads(in_degrees.stdout) == json.loads(in_radians.stdout)
 
-    def test_ctrl_c_keeps_what_is_done(self, monkeypatch, tmp_path):
-        import pinsing.sampling.sweeps as module
 
-        def interrupted(*_):
-            raise KeyboardInterrupt
-
-        monkeypatch.setattr(module, "compute_curves", interrupted)
-        out = tmp_path / "part.npz"
-        done = run("analyze", "--sweep", "planar3r", "-o", str(out))
-        assert done.exit_code == 130
-        assert "stopped after 0 of" in done.stdout
-        assert not load_npz(out).complete
+def test_ctrl_c_keeps_what_is_done(monkeypatch, tmp_path):
+    stop = Mock(side_effect=KeyboardInterrupt)
+    monkeypatch.setattr("pinsing.sampling.sweeps.compute_curves", stop)
+    out = tmp_path / "part.npz"
+    done = run("analyze", "--sweep", "planar3r", "-o", out)
+    assert done.exit_code == 130
+    assert "stopped after 0 of" in done.stdout
+    assert not load_npz(out).complete
 
 
 class TestAnalyze:
@@ -145,9 +153,7 @@ class TestAnalyze:
         done = run(*self.words, "-o", "-", "--fail-if-singular")
         assert done.exit_code == 1
         analysis = Analysis.from_json(done.stdout)
-        assert analysis.complete
-        assert analysis.agree
-        assert analysis.geometry == "both"
+        assert (analysis.complete, analysis.agree, analysis.geometry) == (True, True, "both")
         assert analysis.random_search.starts == 20
 
     @pytest.mark.parametrize("geometry", ["raw", "nominal"])
@@ -171,22 +177,20 @@ class TestInfo:
         """With the options that the file needs, and names that a shell would take apart."""
         folder = tmp_path / "my packages" / "two arms"
         folder.mkdir(parents=True)
-        limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+        links = ["base", *(f"${{side}} {i}" for i in range(4))]
+        at = '<origin xyz="$(arg reach) 0 0"/><axis xyz="0 {} {}"/>'
         one = "".join(
-            f'<link name="${{side}} {i}"/><joint name="${{side}} j{i}" type="revolute">'
-            f'<parent link="{f"${{side}} {i - 1}" if i else "base"}"/><child link="${{side}} {i}"/>'
-            f'<origin xyz="$(arg reach) 0 0"/><axis xyz="0 {i % 2} {1 - i % 2}"/>{limit}</joint>'
-            for i in range(4)
+            f'<link name="{link}"/>'
+            + joint(f"${{side}} j{i}", links[i], link, inner=at.format(i % 2, 1 - i % 2) + LIMIT)
+            for i, link in enumerate(links[1:])
         )
-        space = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
         macro = f'<xacro:macro name="arm" params="side">{one}</xacro:macro>'
-        (folder / "arm.xacro").write_text(f"<robot {space}>{macro}</robot>")
+        (folder / "arm.xacro").write_text(XACRO.format(macro))
         path = tmp_path / "both.xacro"
-        path.write_text(
-            f'<robot name="both" {space}><xacro:arg name="reach" default=""/><link name="base"/>'
-            '<xacro:include filename="$(find two_arms)/arm.xacro"/>'
-            '<xacro:arm side="left"/><xacro:arm side="right"/></robot>'
-        )
+        include = '<xacro:include filename="$(find two_arms)/arm.xacro"/>'
+        arms = '<xacro:arm side="left"/><xacro:arm side="right"/>'
+        argument = '<xacro:arg name="reach" default=""/><link name="base"/>'
+        path.write_text(XACRO.format(argument + include + arms))
         needs = ["--package", f"two_arms={folder}", "--xacro-arg", "reach:=0.3"]
         done = run("list", str(path), *needs)
         assert done.exit_code == 2
@@ -226,15 +230,12 @@ class TestList:
         assert {"name", "title", "source", "alias_of"} == set(data["robots"][0])
 
 
-class TestDh:
-    @pytest.mark.slow
-    def test_urdf_is_that_of_the_library(self, tmp_path):
-        out = tmp_path / "arm.urdf"
-        done = run("export", "--urdf", str(URDF / "stanford.dh.yaml"), "-o", str(out))
-        assert (done.exit_code, done.stdout) == (0, "")
-        assert out.read_text() == (URDF / "stanford.urdf").read_text()
-        to_stdout = run("export", "--urdf", str(URDF / "stanford.dh.yaml"), "-o", "-")
-        assert to_stdout.stdout == out.read_text()
+@pytest.mark.slow
+def test_the_urdf_of_a_table_is_that_of_the_library(tmp_path):
+    out, words = tmp_path / "arm.urdf", ["export", "--urdf", URDF / "stanford.dh.yaml", "-o"]
+    done = run(*words, out)
+    assert (done.exit_code, done.stdout) == (0, "")
+    assert run(*words, "-").stdout == out.read_text() == (URDF / "stanford.urdf").read_text()
 
 
 def test_no_command_shows_help_and_version_works():
@@ -259,36 +260,34 @@ def test_fail_if_singular(words, code):
     assert run(*words.split()).exit_code == 0
 
 
-@pytest.mark.parametrize("name", ["analyze", "at", "check", "families", "list", "postures"])
+@pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_explains_itself(name):
     done = run(name, "--help")
     assert done.exit_code == 0
     assert "Usage: pinsing " + name in done.stdout
 
 
-class TestNumbers:
-    @pytest.mark.parametrize(
-        ("text", "values"),
-        [
-            ("1,2", [1, 2]),
-            ("[ -0.3, .2e1 ]", [-0.3, 2]),
-            ("pi, -pi/2 3pi/4 2*pi", [np.pi, -np.pi / 2, 3 * np.pi / 4, 2 * np.pi]),
-        ],
-    )
-    def test_what_is_understood(self, text, values):
-        assert parse_numbers(text, "--q") == pytest.approx(values)
-
-    @pytest.mark.parametrize("text", ["", "a", "1;2", "pi/0", "__import__('os')", "1,,x", "2*p"])
-    def test_what_is_not(self, text):
-        with pytest.raises(ConfigurationError):
-            parse_numbers(text, "--q")
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("1,2", [1, 2]), ("[ -0.3, .2e1 ]", [-0.3, 2]),
+        ("pi, -pi/2 3pi/4 2*pi", [np.pi, -np.pi / 2, 3 * np.pi / 4, 2 * np.pi]),
+    ],
+)  # fmt: skip
+def test_numbers_that_are_understood(text, values):
+    assert parse_numbers(text, "--q") == pytest.approx(values)
 
 
-class TestText:
-    def test_names_from_files_cannot_paint_the_terminal(self):
-        done = run("list", "--info", "\x1b[31mred")
-        assert "\x1b" not in done.output
-        assert done.exit_code == 2
+@pytest.mark.parametrize("text", ["", "a", "1;2", "pi/0", "__import__('os')", "1,,x", "2*p"])
+def test_numbers_that_are_not(text):
+    with pytest.raises(ConfigurationError):
+        parse_numbers(text, "--q")
+
+
+def test_names_from_files_cannot_paint_the_terminal():
+    done = run("list", "--info", "\x1b[31mred")
+    assert "\x1b" not in done.output
+    assert done.exit_code == 2
 
 
 class TestFiles:
@@ -369,3 +368,48 @@ def test_of_options_given_twice_the_last_counts():
     done = run("map", "stanford", "--count", "20", "--count", "10", "-o", "-.json")
     assert done.exit_code == 0
     assert json.loads(done.stdout)["plan"]["count"] == 10
+
+
+# What commands say, one transcript a command: ``PINSING_WORDS=1 pytest`` writes them anew.
+FOLDER = Path(__file__).parent / "words"
+NAMES = sorted(path.stem for path in FOLDER.glob("*.txt"))
+_LINES = 14
+"""Of each answer: its first screen."""
+_VARIES = (
+    (r"\d[\d.]* ms\b", "# ms"),
+    (r"\d\.?\d*e-1[5-9]\b", "#e-16"),
+    (r"\((avx512|avx2|baseline)\)|engine \w+$", "(engine)"),
+    (r"(already: )/.*/", r"\1.../"),
+    (r"sha256:\w+|(?<=pinsing )\d+\.\d+\.\d+", "#"),
+    (r"^pinsing: .*\u2026\n?", ""),  # a line of progress, on a slow machine
+)
+
+
+def said(line: str) -> str:
+    done = run(*shlex.split(line)[2:])
+    assert "Traceback" not in done.output
+    if done.exit_code == 2:
+        assert done.stderr.count("pinsing: error: ") == 1
+    answer = done.stdout.splitlines()
+    lines = answer[:_LINES] + ["..."] * (len(answer) > _LINES) + done.stderr.splitlines()
+    text = "\n".join([line, *lines, *[f"exit {done.exit_code}"] * bool(done.exit_code)])
+    for pattern, mark in _VARIES:
+        text = re.sub(pattern, mark, text, flags=re.MULTILINE)
+    return text.rstrip()
+
+
+@pytest.mark.parametrize("name", tiered(NAMES, {*NAMES} - {"check", "families", "line"}))
+def test_words(name, monkeypatch):
+    path = FOLDER / f"{name}.txt"
+    monkeypatch.chdir(FOLDER)
+    monkeypatch.setenv("COLUMNS", "100")
+    before = path.read_text()
+    lines = [line for line in before.splitlines() if line.startswith("$ pinsing")]
+    assert lines
+    there = sorted(FOLDER.rglob("*"))
+    now = "\n\n".join(map(said, lines)) + "\n"
+    assert sorted(FOLDER.rglob("*")) == there  # nothing is written
+    if os.environ.get("PINSING_WORDS"):
+        path.write_text(now)
+    else:
+        assert now == before

@@ -1,9 +1,12 @@
 """Every block of the README and of the site does what it shows, and the pages hold together."""
 
 import ast
+import io
 import re
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from command_line import python
 from pages import NOT_RUN, ROOT, Reader, blocks, commands, reader as reader
@@ -95,3 +98,33 @@ def test_its_session_leaves_nothing_out():
 @pytest.mark.parametrize("target", re.findall(r"\]\((?!https?:)([^)#]+)\)", README))
 def test_links_lead_somewhere(target):
     assert (ROOT / target).exists(), f"README links to {target}"
+
+
+# Formulas of the site in Chromium: what is written over a letter is seen -----------------
+
+STYLE = (Path(__file__).parents[1] / "docs/_static/pages.css").read_text(encoding="utf-8")
+
+
+def parts(page: Any, formula: str, style: str) -> int:
+    """How many pieces of ink stand above one another."""
+    from PIL import Image
+
+    reason = "needs docutils"
+    latex = pytest.importorskip("docutils.utils.math.latex2mathml", reason=reason)
+    markup = latex.tex2mathml(formula)
+    page.set_content(
+        f"<meta charset=utf-8><style>{style} body {{ font-size: 160px; margin: 80px; }}"
+        f"</style><span id=f>{markup}</span>"
+    )
+    box = page.locator("#f math").bounding_box()
+    clip = {"x": box["x"], "y": 0, "width": box["width"], "height": 600}
+    shot = Image.open(io.BytesIO(page.screenshot(clip=clip))).convert("L")
+    inked = (np.asarray(shot) < 128).any(axis=1)
+    return int((np.diff(inked.astype(int)) == 1).sum())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("formula", [r"\dot q", r"\dot x"])
+def test_the_dot_of_a_speed_does_not_lie_on_its_letter(page: Any, formula: str) -> None:
+    assert parts(page, formula, STYLE) == 2
+    assert parts(page, formula[-1], STYLE) == 1

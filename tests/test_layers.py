@@ -1,19 +1,24 @@
-"""Imports point down only, and importing pinsing stays cheap.
+"""Imports point down only, are declared, and importing pinsing stays cheap.
 
 A new package is entered in ORDER, above all that it imports.
 """
 
 import ast
+import re
+import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
+from importlib import metadata
 from pathlib import Path
 
 import pytest
 from command_line import python
+from packaging.version import Version
 from public import script
+from tiers import tiered
 
 import pinsing
 
@@ -170,24 +175,44 @@ def modules_after(code: str) -> tuple[str, set[str]]:
     return run.stdout, set(run.stderr.split())
 
 
-def test_the_help_of_a_command_waits_for_little():
-    """Nor does what the child of xacro imports, which starts for each xacro file and DH table."""
-    _, loaded = modules_after(
+COLD = {
+    # Nor does what the child of xacro imports, which starts for each xacro file and DH table.
+    "the help of a command": (
         "from pinsing.cli import families, motion, robots, show;"
         "import pinsing.errors, pinsing.description.catalog, pinsing.description.xacro_rules;"
-        "pinsing.description.catalog.known_robots()"
-    )
-    heavy = "numpy rich matplotlib meshcat pinocchio scipy yourdfpy xacro flint ssl"
-    assert loaded.isdisjoint(heavy.split())
-
-
-def test_a_cold_closed_form_pulls_in_no_masked_arrays_urllib_or_meshes():
-    """NumPy imports the first by itself in some functions: 25 ms of a start of half a second."""
-    _, loaded = modules_after("import pinsing; str(pinsing.closed_form(pinsing.load('ur5')))")
-    heavy = (
+        "pinsing.description.catalog.known_robots()",
+        "numpy rich matplotlib meshcat pinocchio scipy yourdfpy xacro flint ssl",
+    ),
+    # NumPy imports masked arrays by itself in some functions: 25 ms of a start of half a second.
+    "a closed form": (
+        "import pinsing; str(pinsing.closed_form(pinsing.load('ur5')))",
         "numpy.ma asyncio urllib.request yaml ssl pinocchio.visualize pinsing.view pinsing.plot "
-        "subprocess tempfile shutil html pinsing.families.design"
-    )
+        "subprocess tempfile shutil html pinsing.families.design",
+    ),
+    # Plots, pages, commands, clusters: a tenth of a second of a short one.
+    "an analysis": (
+        "import pinsing; arm = pinsing.load('planar3r'); "
+        "analysis = pinsing.analyze(arm, random_starts=50); str(analysis), analysis.to_json(); "
+        "pinsing.sampling.sweep(arm, samples=9, levels=1)",
+        "asyncio concurrent.futures.process numpy.ma yaml ssl http email scipy "
+        "matplotlib meshcat yourdfpy xacro rich click tornado zmq",
+    ),
+    # Its rotations alone take 0.4 s to import.
+    "a mechanism, and poses in a file": (
+        "import pathlib, pinsing; from pinsing.postures.placement import read_poses; "
+        "read_poses(pathlib.Path('poses.csv')); "
+        "pinsing.loops.analyze_mechanism(pinsing.load_mechanism('five_bar'))",
+        "scipy",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", tiered(COLD, ("the help of a command", "a closed form")))
+def test_what_is_done_first_pulls_in_little(what, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("poses.csv").write_text("x,y,z,roll,pitch,yaw\n" + "1,0,0,0,0,1\n" * 2)
+    code, heavy = COLD[what]
+    _, loaded = modules_after(code)
     assert loaded.isdisjoint(heavy.split())
 
 
@@ -213,34 +238,6 @@ def test_a_command_pulls_in_no_browser_no_processes_no_log_and_no_meshes(words, 
     assert loaded.isdisjoint(heavy.split())
     if "--no-distances" in words:
         assert not {"flint", "pinsing.families", "pinsing.proof"} & loaded
-
-
-@pytest.mark.slow
-def test_an_analysis_pulls_in_no_plot_no_viewer_no_event_loop_and_no_masked_arrays():
-    """They are for pictures, pages, commands, clusters: a tenth of a second of a short one."""
-    _, loaded = modules_after(
-        "import pinsing; arm = pinsing.load('planar3r'); "
-        "analysis = pinsing.analyze(arm, random_starts=50); str(analysis), analysis.to_json(); "
-        "pinsing.sampling.sweep(arm, samples=9, levels=1)"
-    )
-    heavy = (
-        "asyncio concurrent.futures.process numpy.ma yaml ssl http email scipy "
-        "matplotlib meshcat yourdfpy xacro rich click tornado zmq"
-    )
-    assert loaded.isdisjoint(heavy.split())
-
-
-@pytest.mark.slow
-def test_a_mechanism_and_poses_in_a_file_need_no_scipy(tmp_path):
-    """Its rotations alone take 0.4 s to import."""
-    (tmp_path / "poses.csv").write_text("x,y,z,roll,pitch,yaw\n" + "1,0,0,0,0,1\n" * 2)
-    five_bar = Path(__file__).parents[1] / "urdf" / "five_bar.urdf"
-    _, loaded = modules_after(
-        "import pathlib, pinsing; from pinsing.postures.placement import read_poses; "
-        f"read_poses(pathlib.Path({str(tmp_path / 'poses.csv')!r})); "
-        f"pinsing.loops.analyze_mechanism(pinsing.load_mechanism({str(five_bar)!r}))"
-    )
-    assert "scipy" not in loaded
 
 
 # Class names that stand twice, the rooms they stand in, and why.
@@ -271,3 +268,45 @@ def test_no_package_is_larger_than_a_tenth_of_the_whole():
 def test_no_size_is_over_its_limit():
     """`scripts/size.py` says what is counted; limits are lowered with each step, not raised."""
     assert SIZE.main() == 0
+
+
+# What the sources import is declared, and its oldest versions are those that are tested ---
+
+ROOT = Path(__file__).parent.parent
+OLDEST = ROOT / ".github" / "oldest.txt"
+
+
+needs_checkout = pytest.mark.skipif(not OLDEST.exists(), reason="not a checkout of the repository")
+
+
+@needs_checkout
+def test_the_oldest_set_is_that_of_the_lower_bounds():
+    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    users = project[project.index("\ndependencies = [") : project.index("\ndev = [")]
+    allowed = dict(re.findall(r'"([\w-]+)>=([\d.]+)"', users))
+    oldest = OLDEST.read_text(encoding="utf-8")
+    tested = dict(re.findall(r"(?m)^(?:# )?([\w-]+)==([\d.]+)$", oldest)[::-1])
+    assert {"pin", "numpy", "distributed", "pytest"} <= set(allowed)
+    for name, version in allowed.items():
+        assert Version(version) == Version(tested[name]), name
+
+
+# The packages whose modules have other names than themselves.
+PROVIDER = {
+    "collada": "pycollada", "flint": "python-flint", "mpl_toolkits": "matplotlib",
+    "pil": "pillow", "pinocchio": "pin", "umsgpack": "u-msgpack-python", "yaml": "pyyaml",
+}  # fmt: skip
+# Used without an import that the walk sees.
+BY_NAME = {"example-robot-data": "files alone", "meshcat": "files alone"}
+
+
+@needs_checkout
+def test_all_that_the_sources_import_is_declared_and_nothing_else():
+    """What comes only because something else needs it may stop to come."""
+    names = {i.imported.partition(".")[0] for i in every_import() if i.runs}
+    names -= {*sys.stdlib_module_names, "pinsing"}
+    used = {PROVIDER.get(name.lower(), name.lower()) for name in names}
+    needed = [r for r in metadata.requires("pinsing") or () if "extra ==" not in r]
+    declared = {re.split("[<>=;\\s]", requirement)[0].lower() for requirement in needed}
+    assert used - declared == set()
+    assert declared - used == set(BY_NAME)

@@ -1,16 +1,25 @@
 """The public names: few, complete, lazy, never shadowed by a module, with advice for mistakes."""
 
+import doctest
 import importlib
+import inspect
 import pkgutil
+import re
+from collections.abc import Callable, Iterable, Iterator
+from itertools import pairwise
+from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from command_line import python
+from public import documented
 from tiers import tiered
 
 import pinsing
+from pinsing._batch import engine
 from pinsing.errors import PinsingError
 
 PACKAGES = set(pinsing._packages)
@@ -207,3 +216,166 @@ def test_a_form_stands_for_its_arm_and_an_arm_for_its_form(names):
     assert len(pinsing.inverse(form, pinsing.at(arm, q).tip_position).q) > 0
     assert str(pinsing.Monitor(arm)) == str(pinsing.Monitor(form))
     assert pinsing.aspects(arm).word == "proven"
+
+
+# Docstrings: every argument is described, every function has an example that works ----------
+
+# What other modules call and no user would: described, but without an example of its own.
+PLUMBING = {
+    "Arm.once", "Family.box", "Family.conditions", "MapPlan.configuration", "MapPlan.identity",
+    "Mechanism.once",
+}  # fmt: skip
+# An example would need what a test run has not: a desktop, IPython, a browser.
+ELSEWHERE = {"Viewer.jupyter_cell", "Viewer.open", "Viewer.save_png"}
+
+# These take seconds each.
+LONG = {
+    *("Aspects.of", "analyze_mechanism", "aspects", "connect", "posture_changes"),
+    *("write_report", "plot.inverse_count", "Cuspidality", "Cuspidality.text"),
+}
+
+
+def methods(kind: type) -> Iterator[tuple[str, Callable[..., Any]]]:
+    for name in dir(kind):
+        value = inspect.getattr_static(kind, name)
+        value = getattr(value, "__func__", value)  # of a class method
+        if inspect.isfunction(value) and value.__module__.startswith("pinsing.") and name[0] != "_":
+            yield name, value
+
+
+PUBLIC = documented()
+"""Functions, methods and classes; inherited methods by the class that has them."""
+CLASSES = {name for name, value in PUBLIC.items() if inspect.isclass(value)}
+PUBLIC |= {f"{name}.{method}": f for name in CLASSES for method, f in methods(PUBLIC[name])}
+DOC = {name: inspect.getdoc(value) or "" for name, value in PUBLIC.items()}
+# Those that all results inherit are shown once, in the class that everybody meets first.
+JSON = {"to_dict", "to_json", "from_dict", "from_json"}
+SHARED = {n for n in PUBLIC if n.rpartition(".")[2] in JSON and not n.startswith("State.")}
+SHARED |= {n for n, f in PUBLIC.items() if n.endswith(".text") and f.__name__ == "__str__"}
+SHOWN = sorted(set(PUBLIC) - CLASSES - PLUMBING - ELSEWHERE - SHARED)
+
+
+def section(doc: str, title: str) -> list[str]:
+    """Lines of a section of a docstring in numpydoc style, without its heading."""
+    lines = doc.splitlines()
+    rules = [i for i, line in enumerate(lines) if re.fullmatch("-{3,}", line) and lines[i - 1]]
+    for rule, end in pairwise([*rules, len(lines) + 1]):
+        if lines[rule - 1] == title:
+            return lines[rule + 1 : end - 1]
+    return []
+
+
+def described(doc: str) -> dict[str, str]:
+    """What a docstring says of each argument: its sections Parameters and Attributes."""
+    found: dict[str, list[str]] = {}
+    names: list[str] = []
+    for line in (*section(doc, "Parameters"), *section(doc, "Attributes")):
+        if line[:1].strip():
+            names = [name.strip(" *") for name in line.split(" : ")[0].split(",")]
+            found |= {name: [] for name in names}
+        elif line.strip():
+            for name in names:
+                found[name].append(line.strip())
+    return {name: " ".join(words) for name, words in found.items()}
+
+
+def of_each(names: Iterable[str]) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """One test that looks at every name, and tells of all that fail."""
+
+    def decorate(check: Callable[[str], None]) -> Callable[..., None]:
+        def test() -> None:
+            wrong = []
+            for name in names:
+                try:
+                    check(name)
+                except AssertionError as error:
+                    wrong.append(str(error).partition("\nassert")[0])
+            assert not wrong, "\n".join(wrong)
+
+        test.__name__, test.__doc__ = check.__name__, check.__doc__
+        return test
+
+    return decorate
+
+
+@of_each(sorted(PUBLIC))
+def test_every_argument_is_described(name):
+    if name == "PinsingError":
+        return  # an exception takes what Exception takes
+    words, value = described(DOC[name]), PUBLIC[name]
+    arguments = [a for a in inspect.signature(value).parameters if a not in ("self", "cls")]
+    missing = [a for a in arguments if not words.get(a)]
+    assert not missing, f"{name}: the docstring says nothing of {', '.join(missing)}"
+    invented = {w for w in words if w not in arguments and not hasattr(value, w)}
+    if invented:
+        invented -= set(re.findall(r"self\.(\w+)", inspect.getsource(value)))
+    assert not invented, f"{name}: there is no argument {', '.join(invented)}"
+
+
+def referred(name: str, words: str) -> str | None:
+    """Where "As in ``this``" leads: a public name, or another method of the same class."""
+    found = re.match(r"As in ``([\w.]+)``", words)
+    if found is None:
+        return None
+    here = f"{name.rpartition('.')[0]}.{found[1]}"
+    assert {here, found[1]} & set(PUBLIC), f"{name}: there is no {found[1]} to look at"
+    return here if here in PUBLIC else found[1]
+
+
+@of_each(sorted(set(PUBLIC) - CLASSES))
+def test_references_lead_to_a_description(name):
+    for argument, words in described(DOC[name]).items():
+        there = referred(name, words)
+        if there is not None:
+            found = described(DOC[there]).get(argument)
+            assert found, f"{name}: {there} says nothing of {argument}"
+            assert referred(there, found) != name, f"{name}: {argument}: a circle"
+
+
+@of_each([n for n in SHOWN if "." not in n.removeprefix("plot.")])
+def test_every_function_says_what_it_returns(name):
+    assert section(DOC[name], "Returns"), f"{name}: no section Returns"
+    assert section(DOC[name], "Raises"), f"{name}: no section Raises"
+
+
+@of_each(SHOWN)
+def test_every_function_has_an_example(name):
+    lines = section(DOC[name], "Examples")
+    assert lines, f"{name}: the docstring has no section Examples"
+    found = doctest.DocTestParser().get_examples(DOC[name])
+    assert any(e.want for e in found), f"{name}: its example shows no result, and proves nothing"
+    assert len(lines) <= 10, f"{name}: its example is too long to be read at a glance"
+
+
+EXAMPLES = [n for n in sorted(set(PUBLIC) - SHARED) if ">>>" in DOC[n]]
+
+
+@pytest.mark.parametrize("name", tiered(EXAMPLES, set(EXAMPLES) - LONG))
+def test_examples_are_true(name, tmp_path, monkeypatch):
+    """Each by itself, as somebody would paste it: it imports what it needs."""
+    monkeypatch.chdir(tmp_path)
+    if name == "suggest" and not engine.available():
+        pytest.skip("without the compiled kernel it finds less in its time")
+    test = doctest.DocTestParser().get_doctest(DOC[name], {}, name, name, 0)
+    said: list[str] = []
+    flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+    doctest.DocTestRunner(optionflags=flags).run(test, out=said.append)
+    assert not said, "".join(said)
+
+
+def test_the_lists_hold_nothing_else():
+    assert set(PUBLIC) >= PLUMBING | ELSEWHERE
+    shown = [n for n in PLUMBING | ELSEWHERE if section(DOC[n], "Examples")]
+    assert not shown, f"these have an example by now: {', '.join(shown)}"
+
+
+def test_no_example_stands_where_it_is_not_run():
+    known = {inspect.unwrap(value) for value in PUBLIC.values()}
+    homes = {Path(inspect.getsourcefile(v) or "") for v in known}
+    source = Path(pinsing.__file__).parent
+    elsewhere = [
+        str(path.relative_to(source))
+        for path in sorted(source.rglob("*.py"))
+        if path not in homes and re.search(r"^ *>>> ", path.read_text(), re.MULTILINE)
+    ]
+    assert elsewhere == []

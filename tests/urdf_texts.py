@@ -1,6 +1,7 @@
 """URDF texts for the tests: one good arm of three links, with one place to put a defect."""
 
 from pathlib import Path
+from xml.sax.saxutils import quoteattr
 
 LIMIT = '<limit lower="-1" upper="2" effort="1" velocity="1"/>'
 XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n{}\n</robot>\n'
@@ -36,3 +37,15 @@ def make_package(tmp_path: Path) -> Path:
     (tmp_path / "secret.stl").write_text("secret")
     (folder / "secret.txt").write_text("secret")
     return folder
+
+
+UPRIGHT = '<origin xyz="0.3 0 0.2" rpy="1.5707963267948966 0 0"/><axis xyz="0 0 1"/>' + LIMIT
+
+
+def named(name: str, inner: str = UPRIGHT) -> str:
+    """Return a URDF of three joints: all names in it begin with one that may be hostile."""
+    said = quoteattr(name, {'"': "&quot;"})[1:-1]
+    links = [f"{said} link {i}" for i in range(4)]
+    joints = [joint(f"{said} {i}", links[i], links[i + 1], inner=inner) for i in range(3)]
+    body = "".join(f'<link name="{link}"/>' for link in links)
+    return f'<robot name="{said}">{body}{"".join(joints)}</robot>'

@@ -1,12 +1,32 @@
 """Robots known by name, and what a user means by the text of a robot."""
 
+import importlib.util
+import re
 import sys
+import zipfile
 from pathlib import Path
 
+import numpy as np
+import pinocchio as pin
 import pytest
+import yaml
+from arms import URDF
+from command_line import run
+from tiers import tiered
 
-from pinsing.description.catalog import data_folder, find_robot, known_robots, locate_robot
+import pinsing
+from pinsing.description import catalog
+from pinsing.description.catalog import (
+    data_folder,
+    find_robot,
+    known_arms,
+    known_robots,
+    locate_robot,
+)
+from pinsing.description.dh_table import bare_urdf, known_table
 from pinsing.errors import RobotFileError, UnknownNameError
+from pinsing.proof.checker import verify
+from pinsing.robot.nominal import chain_model, flatten
 
 # Names that the loaders of example-robot-data give.
 LOADERS = [
@@ -90,3 +110,341 @@ def test_without_the_data_package(monkeypatch):
     assert set(known_robots()) >= OWN
     with pytest.raises(UnknownNameError):
         find_robot("ur5")
+
+
+# Arms of ``urdf/arms.yaml``: their tables say what other descriptions of the same arms say ---
+
+SECOND = yaml.load(
+    (Path(__file__).parent / "arms_second_source.yaml").read_text(), Loader=yaml.CSafeLoader
+)
+TABLES = sorted(name for name, arm in known_arms().items() if "rows" in arm)
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE = (DOCS / "arms.md").read_text()
+QUICK = ("crx10ia_l", "epson_gx4")
+
+
+def motions(q: np.ndarray, prismatic: list[bool], axes: np.ndarray) -> pin.SE3:
+    """Where the base's frame is carried when each joint moves by q from zero, base to tip."""
+    moved = pin.SE3.Identity()
+    for value, slides, (*point, x, y, z) in zip(q, prismatic, axes, strict=True):
+        axis = np.array([x, y, z])
+        around = np.cross(np.array(point) / 1000, axis)
+        twist = [*axis, 0, 0, 0] if slides else [*around, *axis]
+        moved = moved * pin.exp6(value * np.array(twist))
+    return moved
+
+
+def configurations(name: str, count: int) -> np.ndarray:
+    rows = known_table(name).rows
+    lower = [-np.pi if row.lower is None else row.lower for row in rows]
+    upper = [np.pi if row.upper is None else row.upper for row in rows]
+    return np.random.default_rng(7).uniform(lower, upper, (count, len(rows)))
+
+
+def placements(name: str, qs: np.ndarray) -> list[pin.SE3]:
+    model = pin.buildModelFromXML(bare_urdf(known_table(name)))
+    data, tip = model.createData(), model.getFrameId("tool0")
+    ends = []
+    for q in qs:
+        continuous = [joint.nq == 2 for joint in model.joints[1:]]
+        full = [[np.cos(x), np.sin(x)] if c else [x] for x, c in zip(q, continuous, strict=True)]
+        pin.framesForwardKinematics(model, data, np.concatenate(full))
+        ends.append(data.oMf[tip].copy())
+    return ends
+
+
+@pytest.mark.parametrize("name", SECOND)
+def test_forward_kinematics_agree_with_another_description(name: str) -> None:
+    second = SECOND[name]
+    *xyz, rx, ry, rz = second["base"]
+    base = pin.SE3(pin.exp3(np.radians([rx, ry, rz])), np.array(xyz) / 1000)
+    prismatic = [row.type == "prismatic" for row in known_table(name).rows]
+    Q = np.vstack([0 * configurations(name, 1), configurations(name, 20)])
+    apart = second["distance"]
+    zero, *ends = placements(name, Q)
+    for q, end in zip(Q[1:], ends, strict=True):
+        found, expected = base * end, motions(q, prismatic, np.array(second["axes"])) * base * zero
+        assert np.linalg.norm(found.translation - expected.translation) < apart / 1000
+        assert np.abs(found.rotation - expected.rotation).max() < 1e-3 * apart
+    if not name.startswith("dvrk_psm"):  # the description ends with the jaw, the table before it
+        tip = (base * zero).translation - np.array(second["tip"]) / 1000
+        assert np.linalg.norm(tip) < apart / 1000
+
+
+def test_arms_stand_upright():
+    """The base of the other description is that of the table, but for turns about z."""
+    for name, second in SECOND.items():
+        if name != "dvrk_psm":  # which lies at its remote centre
+            assert np.abs(second["base"][3:5]).max() < 0.01, name
+
+
+def test_entries_are_whole():
+    for name, arm in known_arms().items():
+        assert {"maker", "model", "known_for", "reach"} < set(arm)
+        assert ("source" in arm) == ("rows" in arm) != ("joints" in arm), name
+    assert len(TABLES) >= 50
+    assert set(SECOND) <= set(TABLES)
+    assert all(f"\n|{name}|" in PAGE for name in known_arms())
+    entry = known_robots()["xarm7"]
+    assert (entry.source == "example-robot-data") == (catalog.data_folder() is not None)
+    for name in TABLES:
+        reach = known_arms()[name]["reach"]
+        ends = placements(name, configurations(name, 100))
+        far = max(np.hypot(*end.translation[:2]) for end in ends)
+        assert 0.5 * reach < far < reach + 0.001, name
+
+
+def test_a_rebuilt_chain_keeps_names_limits_and_speeds():
+    """As that of a calibrated robot, whose speeds are judged; names are those of its driver."""
+    arm = pinsing.load("ur5e")
+    made = chain_model(flatten(arm), arm)
+    assert list(made.names)[1:] == list(arm.joints)
+    assert made.names[5] == "wrist_2_joint"
+    for limit in ("lowerPositionLimit", "upperPositionLimit", "velocityLimit"):
+        assert np.array_equal(getattr(made, limit), getattr(arm.model, limit)), limit
+    assert (made.velocityLimit == np.pi).all()
+
+
+@pytest.mark.parametrize(
+    ("said", "name"),
+    [
+        ("UR5e", "ur5e"), ("TX2-60", "tx2_60"), ("LR Mate 200iD", "lrmate200id"),
+        ("xArm850", "uf850"), ("KR6 R900", "kr6_r900"), ("LBR iiwa 14 R820", "iiwa14"),
+        ("KUKA KR 6 R900 sixx", "kr6_r900"), ("Franka Research 3", "fr3"), ("UR 10e", "ur10e"),
+    ],
+)  # fmt: skip
+def test_names_are_found_as_people_write_them(said: str, name: str) -> None:
+    assert find_robot(said).path == find_robot(name).path
+    assert (find_robot(said).alias_of or find_robot(said).name) == name
+
+
+@pytest.mark.parametrize(
+    ("said", "name"),
+    [
+        ("Motoman HC10DTP", "hc10"), ("Motoman GP25", "gp25"), ("Kinova Gen3 7DoF", "gen3_7"),
+        ("ABB IRB 1200-7/0.7", "irb1200"), ("KR 6 R900-2", "kr6_r900"), ("TX2-60L", "tx2_60"),
+    ],
+)  # fmt: skip
+def test_names_of_arms_of_the_same_kind_are_suggested_first(said: str, name: str) -> None:
+    with pytest.raises(UnknownNameError) as error:
+        locate_robot(said)
+    assert error.value.close[0] == name
+
+
+@pytest.mark.parametrize("name", tiered(TABLES, QUICK))
+def test_all_families_are_proven(name: str) -> None:
+    arm = pinsing.load(name)
+    assert arm.n == len(known_table(name).rows)
+    form = pinsing.closed_form(arm)
+    cells = next(row for row in PAGE.splitlines() if row.startswith(f"|{name}|")).split("|")
+    assert (int(cells[6].partition(":")[0]), cells[7]) == (len(form.families), form.word)
+    assert form.word == "proven"
+    with zipfile.ZipFile(DOCS / "certificates.zip") as archive:
+        data = verify(archive.read(f"{name}.json").decode())
+    assert data["chain"] == form.proof.certificate["chain"]
+    assert data["families"] == form.proof.certificate["families"]
+
+
+def test_the_z_axis_of_every_tool0_points_out_of_the_flange() -> None:
+    """Away from the axis before the last: what tool-down poses and `--tool` mean depends on it."""
+    for name in TABLES:
+        model = pin.buildModelFromXML(bare_urdf(known_table(name)))
+        data = model.createData()
+        pin.framesForwardKinematics(model, data, pin.neutral(model))
+        tip = data.oMf[model.getFrameId("tool0")]
+        before = data.oMi[model.njoints - 2].translation
+        assert tip.rotation[:, 2] @ (tip.translation - before) > -1e-9, name
+
+
+@pytest.mark.parametrize(
+    ("makers", "rpy"),
+    [
+        ("ABB KUKA Mecademic", (0, 90, 0)),
+        ("Fanuc Yaskawa", (180, -90, 0)),
+        ("Doosan Stäubli Mitsubishi Denso Kawasaki", (0, 0, 0)),
+        ("AUBO JAKA Techman Universal", (90, 0, 0)),
+        ("UFACTORY", (180, 0, 0)),
+    ],
+)
+def test_tool0_has_the_axes_of_its_maker(makers: str, rpy: tuple[float, float, float]) -> None:
+    """At zero, as pendants show it and the descriptions named as sources have it."""
+    other = {"iiwa7": (0, 0, 0), "hc10": (180, 0, 0)}
+    for name in TABLES:
+        if known_arms()[name]["maker"].split()[0] in makers.split():
+            zero = placements(name, 0 * configurations(name, 1))[0]
+            expected = pin.rpy.rpyToMatrix(*np.radians(other.get(name, rpy)))
+            np.testing.assert_allclose(zero.rotation, expected, atol=1e-9, err_msg=name)
+
+
+# Robots of the package robot_descriptions, and MuJoCo models -----------------------------
+
+MUJOCO = """<mujoco model="two_links">
+  <worldbody>
+    <body name="upper" pos="0 0 0.2">
+      <joint name="shoulder" type="hinge" axis="0 0 1" range="-170 170" limited="true"/>
+      <geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.03"/>
+      <body name="lower" pos="0.4 0 0">
+        <joint name="elbow" type="hinge" axis="0 0 1" range="-150 150" limited="true"/>
+        <geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.03"/>
+        <site name="hand" pos="0.4 0 0"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+STAND_IN = {
+    "__init__": "from ._descriptions import DESCRIPTIONS\n",
+    "_descriptions": """
+class D:
+    def __init__(self, robot, repository):
+        self.maker, self.robot, self.repository = "Unimation", robot, repository
+DESCRIPTIONS = {
+    "puma_description": D("PUMA", "here"),
+    "table_description": D("Table", "here"),
+    "xacro_description": D("Arm", "here"),
+    "broken_description": D("Broken", "here"),
+    "far_description": D("Far", "there"),
+    "shape_description": D("Shape", "here"),
+}
+""",
+    "_repositories": """
+class R:
+    def __init__(self, url, cache_path):
+        self.url, self.cache_path = url, cache_path
+REPOSITORIES = {"here": R("https://e.org/here.git", "here"), "there": R("https://e.org/x", "x")}
+""",
+    "puma_description": "print('noise')\nURDF_PATH = {puma!r}\nPACKAGE_PATH = {urdf!r}\n",
+    "xacro_description": (
+        "XACRO_PATH = {xacro!r}\nPACKAGE_PATH = {pack!r}\nXACRO_ARGS = {{'length': '0.7'}}\n"
+    ),
+    "broken_description": "raise RuntimeError('no\\nnetwork')\n",
+    "far_description": "raise SystemExit('must not be imported')\n",
+    "shape_description": "SDF_PATH = 'x.sdf'\n",
+    "table_description": "MJCF_PATH = {mjcf!r}\n",
+}
+
+XACRO = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:arg name="length" default="1"/>
+  <xacro:include filename="$(find pack)/link.xacro"/>
+  <link name="base"/><link name="hand"/>
+  <joint name="q1" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="end" type="fixed"><parent link="a"/><child link="hand"/>
+    <origin xyz="$(arg length) 0 0"/></joint>
+</robot>
+"""
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A stand-in for the package, whose one repository is in the cache."""
+    folder, cache, pack = (tmp_path / n for n in ("robot_descriptions", "cache", "pack"))
+    for place in (folder, cache / "here", pack):
+        place.mkdir(parents=True)
+    (tmp_path / "arm.xacro").write_text(XACRO)
+    (pack / "link.xacro").write_text('<robot><link name="a"/></robot>')
+    (tmp_path / "arm.xml").write_text(MUJOCO)
+    places = {
+        "puma": str(URDF / "puma560.urdf"), "urdf": str(URDF), "xacro": str(tmp_path / "arm.xacro"),
+        "pack": str(pack), "mjcf": str(tmp_path / "arm.xml"),
+    }  # fmt: skip
+    for name, text in STAND_IN.items():
+        text = text.format(**places) if "{" in text and name[0] != "_" else text
+        (folder / f"{name}.py").write_text(text)
+    for name in [m for m in sys.modules if m.partition(".")[0] == "robot_descriptions"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("ROBOT_DESCRIPTIONS_CACHE", str(cache))
+    yield
+    for name in [m for m in sys.modules if m.partition(".")[0] == "robot_descriptions"]:
+        del sys.modules[name]
+
+
+def test_a_described_robot_loads_by_name(package, capsys):
+    arm = pinsing.load("rd:puma_description")
+    assert (arm.name, arm.n) == ("rd:puma_description", 6)
+    assert capsys.readouterr().out == ""
+    own = pinsing.load("puma560")
+    q = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
+    assert pinsing.kinematics.task_jacobian(arm, q) == pytest.approx(
+        pinsing.kinematics.task_jacobian(own, q)
+    )
+
+
+@pytest.mark.slow
+def test_its_other_robots(package):
+    arm = pinsing.load("rd:xacro_description", task="vy")
+    assert pinsing.kinematics.task_jacobian(arm, [0.0])[0, 0] == pytest.approx(0.7)
+    arm = pinsing.load("rd:xacro_description", task="vy", xacro_args={"length": "0.2"})
+    assert pinsing.kinematics.task_jacobian(arm, [0.0])[0, 0] == pytest.approx(0.2)
+    assert pinsing.load("rd:table_description").joints == ("shoulder", "elbow")
+    with pytest.raises(RobotFileError, match=r"https://e\.org/x would have to be downloaded"):
+        pinsing.load("rd:far_description")
+    done = run("list", "rd:")
+    assert re.search(r"rd:puma_description +Unimation PUMA", done.stdout)
+    assert "Unimation Far (not on this computer)" in done.stdout
+
+
+def test_a_clone_that_is_not_whole_fetches_nothing(package, tmp_path):
+    """A folder that holds a `.git` alone: the package would ask the network for the rest."""
+    folder = tmp_path / "robot_descriptions"
+    (folder / "_cache.py").write_text(
+        "def clone_to_directory(repo_url, target_dir, commit=None):\n"
+        "    raise SystemExit('the network was asked')\n"
+        "def clone_to_cache(name, commit=None):\n"
+        f"    return clone_to_directory('url', {str(tmp_path / 'cache' / 'here')!r}).working_dir\n"
+    )
+    (folder / "puma_description.py").write_text(
+        "from os import path\n"
+        "from ._cache import clone_to_cache\n"
+        "URDF_PATH = path.join(clone_to_cache('here'), 'puma.urdf')\n"
+    )
+    (tmp_path / "cache" / "here" / ".git").mkdir()
+    done = run("list", "rd:puma_description")
+    assert done.exit_code == 2
+    assert "puma.urdf. What is missing would have to be downloaded" in done.stderr
+    assert "`robot_descriptions pull puma_description` does it" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    text = (URDF / "puma560.urdf").read_text()
+    (tmp_path / "cache" / "here" / "puma.urdf").write_text(text)
+    assert pinsing.load("rd:puma_description").n == 6
+    cache = sys.modules["robot_descriptions._cache"]
+    with pytest.raises(SystemExit):
+        cache.clone_to_directory("url", "folder")
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("rd:broken_description", "the package robot_descriptions fails: no network"),
+        ("rd:shape_description", "neither as a URDF, a xacro nor a MuJoCo model"),
+        ("rd:pumma_description", "did you mean 'rd:puma_description'"),
+        ("rd:", "unknown robot 'rd:'"),
+    ],
+)
+def test_what_cannot_be_had_is_one_line(package, name, said):
+    done = run("list", "--info", name)
+    assert done.exit_code == 2
+    assert said in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_without_the_package_the_line_says_so(monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(RobotFileError, match=r"pip install 'pinsing\[descriptions\]'"):
+        pinsing.load("rd:ur5_description")
+    assert "rd:" not in run("list").stdout
+
+
+@pytest.mark.skipif(
+    importlib.util.find_spec("robot_descriptions") is None,
+    reason="robot_descriptions is not installed",
+)
+def test_the_real_package_is_understood(tmp_path, monkeypatch):
+    monkeypatch.setenv("ROBOT_DESCRIPTIONS_CACHE", str(tmp_path))
+    with pytest.raises(RobotFileError, match=r"ros2_kortex\.git would have to be downloaded"):
+        pinsing.load("rd:gen3_description")
+    with pytest.raises(UnknownNameError, match="rd:gen3_description"):
+        pinsing.load("rd:gen3_descriptio")
+    assert list(tmp_path.iterdir()) == []

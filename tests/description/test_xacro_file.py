@@ -1,5 +1,7 @@
 """xacro files: arguments, includes, packages, and every way to go wrong."""
 
+import json
+from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
@@ -7,6 +9,8 @@ from command_line import python
 from tiers import tiered
 from urdf_texts import LIMIT, XACRO, joint, make_package, robot
 
+from pinsing import load
+from pinsing.description.catalog import data_folder
 from pinsing.description.files import expand_xacro
 from pinsing.description.urdf import read_description
 from pinsing.errors import RobotFileError
@@ -228,3 +232,286 @@ def test_xacro_leaves_this_process_alone(read):
     path = read(XACRO.format(ARM), name="arm.xacro").path
     done = python("-c", code, path, check=True)
     assert (done.stdout.strip(), done.stderr) == ("[]", "")
+
+
+# xacro files as they come: parts in packages, found in every way that ROS users know -----
+
+PART = XACRO.format(
+    '<xacro:macro name="arm" params="length:=0.2">\n'
+    + "".join(f'<link name="{link}"/>' for link in "abc")
+    + joint("j1", "a", "b")
+    + joint("j2", "b", "c", inner='<origin xyz="0 0 ${length}"/><axis xyz="0 1 0"/>' + LIMIT)
+    + "\n</xacro:macro>"
+)
+WHOLE = XACRO.format(
+    '<xacro:arg name="length" default="0.3"/>\n'
+    '<xacro:include filename="$(find arm_description)/urdf/arm.macro.xacro"/>\n'
+    '<xacro:arm length="$(arg length)"/>'
+)
+
+
+@pytest.fixture(autouse=True)
+def _no_environment(monkeypatch):
+    monkeypatch.delenv("ROS_PACKAGE_PATH", raising=False)
+    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
+
+
+@pytest.fixture
+def package(tmp_path) -> Path:
+    folder = make_package(tmp_path)
+    (folder / "urdf" / "arm.macro.xacro").write_text(PART)
+    return folder
+
+
+@pytest.fixture
+def elsewhere(tmp_path) -> Path:
+    path = tmp_path / "far" / "away" / "robot.urdf.xacro"
+    path.parent.mkdir(parents=True)
+    path.write_text(WHOLE)
+    return path
+
+
+def test_package_by_the_environment(package, elsewhere, tmp_path, monkeypatch):
+    for value in (package.parent, package, f"/no/such/folder:{package.parent}:"):
+        monkeypatch.setenv("ROS_PACKAGE_PATH", str(value))
+        assert load(elsewhere).n == 2
+    monkeypatch.delenv("ROS_PACKAGE_PATH")
+    share = tmp_path / "install" / "share"
+    share.mkdir(parents=True)
+    package.rename(share / "arm_description")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"/no/such/folder:{tmp_path / 'install'}")
+    assert load(elsewhere).n == 2
+
+
+def test_package_by_a_search_upward(package):
+    inside = package / "urdf" / "deep" / "robot.xacro"
+    inside.parent.mkdir()
+    inside.write_text(WHOLE)
+    assert load(inside).n == 2
+    sibling = package.parent / "other_package" / "robot.xacro"
+    sibling.parent.mkdir()
+    sibling.write_text(WHOLE)
+    assert load(sibling).n == 2
+
+
+def test_the_option_wins(package, elsewhere, tmp_path, monkeypatch):
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(package.parent))
+    mine = tmp_path / "mine"
+    (mine / "urdf").mkdir(parents=True)
+    (mine / "urdf" / "arm.macro.xacro").write_text(PART.replace("${length}", "0.9"))
+    arm = load(elsewhere, packages={"arm_description": mine})
+    assert arm.model.jointPlacements[2].translation[2] == 0.9
+
+
+@pytest.mark.slow
+def test_errors_name_the_file_and_the_line_they_are_in(package, elsewhere):
+    part = package / "urdf" / "arm.macro.xacro"
+    part.write_text(PART.replace("${length}", "${lenght}"))
+    with pytest.raises(RobotFileError, match="name 'lenght' is not defined") as caught:
+        load(elsewhere, packages={"arm_description": package})
+    assert (caught.value.path, caught.value.line) == (part, 3)
+    part.write_text(PART)
+    elsewhere.write_text(WHOLE.replace("<xacro:arm ", "<xacro:arms "))
+    with pytest.raises(RobotFileError, match="unknown macro name") as caught:
+        load(elsewhere, packages={"arm_description": package})
+    assert (caught.value.path, caught.value.line) == (elsewhere, 4)
+
+
+@pytest.mark.parametrize("name", ["../arm_description", "/etc"])
+def test_a_package_is_a_name_and_no_path(name, tmp_path):
+    path = tmp_path / "robot.xacro"
+    path.write_text(XACRO.format(f'<xacro:include filename="$(find {name})/x.xacro"/>'))
+    with pytest.raises(RobotFileError) as caught:
+        read_description(path)
+    assert "\n" not in str(caught.value)
+    assert "not found" in str(caught.value) or "find" in str(caught.value)
+
+
+def test_a_folder_above_needs_a_package_xml_that_names_it(tmp_path):
+    """Else a file could read whatever lies beside any folder above it."""
+    for name in ("secret", "secret/robots", "other"):
+        (tmp_path / name).mkdir()
+    for folder in ("secret", "other"):
+        (tmp_path / folder / "key.xml").write_text('<robot><link name="key"/></robot>')
+    path = tmp_path / "secret" / "robots" / "a" / "b" / "arm.xacro"
+    path.parent.mkdir(parents=True)
+    for name in ("secret", "other"):
+        path.write_text(XACRO.format(f'<xacro:include filename="$(find {name})/key.xml"/>'))
+        with pytest.raises(RobotFileError, match=f"package '{name}' not found"):
+            read_description(path)
+        manifest = tmp_path / name / "package.xml"
+        manifest.write_text("<package><name>different</name></package>")
+        with pytest.raises(RobotFileError, match=f"package '{name}' not found"):
+            read_description(path)
+        manifest.write_text(f"<package><name>{name}</name></package>")
+        with pytest.raises(RobotFileError, match="the robot has no joints"):
+            read_description(path)
+        manifest.unlink()
+
+
+def test_wildcards_are_bounded_and_follow_no_link_out_of_the_folder(tmp_path):
+    """Ten links to the folder itself: ten times as many names at every step."""
+    (tmp_path / "robot").mkdir()
+    (tmp_path / "robot" / "link").symlink_to(tmp_path / "a")
+    for k in range(10):
+        (tmp_path / f"l{k}").symlink_to(".")
+    path = tmp_path / "arm.xacro"
+    path.write_text(XACRO.format(f'<xacro:include filename="{"*/" * 30}nothere.xml"/>'))
+    with pytest.raises(RobotFileError, match="has no links"):
+        read_description(path)
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "x.xml").write_text('<robot><link name="a"/></robot>')
+    for name, said in (("arm.xacro", "has no joints"), ("robot/arm.xacro", "has no links")):
+        path = tmp_path / name  # of the second a link leads out of the folder
+        path.write_text(XACRO.format('<xacro:include filename="*/x.xml"/>'))
+        with pytest.raises(RobotFileError, match=said):
+            read_description(path)
+
+
+@pytest.mark.slow
+def test_wildcards_look_at_so_many_files_and_no_more(tmp_path):
+    for name in range(150):
+        (tmp_path / f"d{name}").mkdir()
+        for inner in range(140):
+            (tmp_path / f"d{name}" / f"{inner}").touch()
+    path = tmp_path / "arm.xacro"
+    path.write_text(XACRO.format('<xacro:include filename="*/*.xml"/>'))
+    with pytest.raises(RobotFileError, match="looks at more than 20000 files"):
+        read_description(path)
+
+
+# Every xacro that the tests can install gives the same URDF as xacro by itself -----------
+
+# xacro as it comes, on files that we know; packages are the folders by their names.
+PLAIN = """
+import contextlib, io, json, sys, types
+files, packages = json.load(sys.stdin)
+module = types.ModuleType("ament_index_python.packages")
+module.get_package_share_directory = packages.__getitem__
+sys.modules["ament_index_python"] = types.ModuleType("ament_index_python")
+sys.modules[module.__name__] = module
+import xacro
+found = {}
+for file in files:
+    xacro.filestack = xacro.macrostack = None
+    try:
+        with contextlib.redirect_stderr(io.StringIO()), contextlib.redirect_stdout(io.StringIO()):
+            document = xacro.process_file(file)
+            found[file] = document.toprettyxml(indent="  ")
+    except Exception as error:
+        found[file] = None
+print(json.dumps(found))
+"""
+
+
+def compare(root):
+    """Count files that both turn into the same URDF, and tell why the others are refused."""
+    files = sorted(root.rglob("*.xacro"))
+    packages = {f.name: str(f) for f in sorted(root.rglob("*")) if f.is_dir()}
+    packages[root.name] = str(root)
+    given = json.dumps([[str(f) for f in files], packages])
+    plain = json.loads(python("-c", PLAIN, input=given, check=True).stdout)
+    refused: dict[str, str] = {}
+    for file in files:
+        if plain[str(file)] is None:
+            with pytest.raises(RobotFileError) as caught:
+                expand_xacro(file, packages)
+            refused[str(file.relative_to(root))] = str(caught.value)
+        else:
+            assert expand_xacro(file, packages).xml == plain[str(file)], file
+    return len(files) - len(refused), refused
+
+
+@pytest.mark.slow
+def test_example_robot_data():
+    folder = data_folder()
+    same, refused = compare(folder)
+    assert same == len(refused) == 1  # the other includes package://..., xacro fails
+
+
+# Of rtb-data, what no xacro can expand: the package that each needs does not come with it.
+LACKING = {
+    "abb_irb140_description/urdf/irb140.xacro": "abb_irb140",
+    "clearpath_ridgeback_description/urdf/accessories/sick_lms1xx_mount.urdf.xacro": "lms1xx",
+    "clearpath_ridgeback_description/urdf/accessories/sick_s300_mount.urdf.xacro": "lms1xx",
+    "kuka_description/kuka_kr10/urdf/kr10r1100sixx.xacro": "kuka_kr10_support",
+    "kuka_description/kuka_kr120/urdf/kr120r2500pro.xacro": "kuka_kr120_support",
+    "kuka_description/kuka_kr150/urdf/kr150_2.xacro": "kuka_kr150_support",
+    "kuka_description/kuka_kr16/urdf/kr16_2.xacro": "kuka_kr16_support",
+    "kuka_description/kuka_kr210/urdf/kr210l150.xacro": "kuka_kr210_support",
+    "kuka_description/kuka_kr3/urdf/kr3r540.xacro": "kuka_kr3_support",
+    "kuka_description/kuka_kr5/urdf/kr5_arc.xacro": "kuka_kr5_support",
+    "kuka_description/kuka_kr6/urdf/kr6r700sixx.xacro": "kuka_kr6_support",
+    "kuka_description/kuka_kr6/urdf/kr6r900sixx.xacro": "kuka_kr6_support",
+    "kuka_description/kuka_lbr_iiwa/urdf/lbr_iiwa_14_r820.xacro": "kuka_lbr_iiwa_support",
+}
+
+
+@pytest.mark.slow
+def test_robotics_toolbox():
+    same, reasons = compare(Path(pytest.importorskip("rtbdata").__file__).parent / "xacro")
+    assert (same, sorted(reasons)) == (45, sorted(LACKING))
+    for name, package in LACKING.items():
+        assert f"package {package!r} not found" in reasons[name]
+
+
+FEATURES = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro" xmlns:g="urn:g">
+  <xacro:arg name="side" default="left"/>
+  <xacro:arg name="count" default="${1 + 2}"/>
+  <xacro:property name="t" value="${xacro.load_yaml('t.yaml')}"/>
+  <xacro:property name="name" value="'quoted'"/>
+  <xacro:property name="lazy" value="${name}_x"/>
+  <xacro:property name="len" value="5"/>
+  <xacro:property name="gone" value="1"/><xacro:property name="gone" remove="true"/>
+  <xacro:property name="kept" value="1"/><xacro:property name="kept" default="2"/>
+  <xacro:property name="block"><i a="${name}"/><j/></xacro:property>
+  <xacro:include filename="part.xacro" ns="part"/>
+  <xacro:include filename="part*.xacro"/>
+  <xacro:include filename="nothing.xacro" optional="true"/>
+  <xacro:macro name="m" params="a b:=7 c:='1 2' d:=^|9 e:=^ f:=${2*b} *one **many">
+    <link name="${a} ${b} ${c} ${d} ${e}"><xacro:insert_block name="one"/>
+      <xacro:insert_block name="many"/></link>
+    <xacro:property name="up" value="${b + 1}" scope="parent"/>
+    <xacro:property name="all" value="${b + 2}" scope="global"/>
+  </xacro:macro>
+  <xacro:property name="b" value="8"/><xacro:property name="d" value="${b}"/>
+  <xacro:property name="e" value="E"/>
+  <xacro:m a="$(arg side)"><x/><y><z v="${b}"/></y></xacro:m>
+  <xacro:call macro="m" a="$(eval 2 * count + pi)" b="${t.a[1].c}"><x/><y/></xacro:call>
+  <up v="${up} ${all} ${lazy} ${len} ${kept} ${part.inner} ${part.deep(2) if False else 0}"/>
+  <xacro:part.pm v="1"/>
+  <xacro:if value="${t.flag and not False}"><yes>${t.angle} ${t['length']}</yes></xacro:if>
+  <xacro:unless value="$(eval side == 'right')"><no>$$(x) $${y} $ a</no></xacro:unless>
+  <xacro:if value="0"/><xacro:if value="true"><t/></xacro:if>
+  <xacro:element xacro:name="${'el' + 'em'}" k="v">
+    <xacro:attribute name="n" value="n${[1, 2]}"/></xacro:element>
+  <xacro:insert_block name="block"/>
+  <!-- xacro:eval-comments --><!-- ${1 + 1} --><!-- xacro:eval-comments:off --><!-- ${1 + 1} -->
+  <a b="${t}" c="${t.list}" d="${dict(a=1)}" e="${1e-7} ${1/3} ${True} ${None}" f="&lt;&amp;"/>
+  <o v="$(optenv NO_SUCH_VAR a b) $(env ROS_HOME) $(cwd)" w="${xacro.abs_filename('x')}"/>
+  <w v="${xacro.warning('note')}${xacro.message('m')}${xacro.tokenize('1,2;3 4')}"/>
+  <d v="${sorted([2, 1])} ${list(range(3))} ${xacro.dotify(dict(q=1)).q} ${max(1, 2) ** 2}"/>
+  <g:h xmlns:k="urn:k"/>${xacro.arg('side')} ${-3 // 2} ${'%.2f' % 1.005}
+</robot>
+"""
+INNER = """<p xmlns:xacro="http://www.ros.org/wiki/xacro" xmlns:q="urn:q">
+<xacro:property name="inner" value="${3 * 2}"/><xacro:macro name="pm" params="v">
+<pm v="${v} ${inner}"/></xacro:macro><q:z/></p>"""
+TABLE = """a: [1, {c: 2.5}]
+flag: true
+angle: !degrees 90 / 2
+length: !millimeters 5
+list: [{x: 1}, 2001-01-01, null, 0x10, 1e3, "s"]
+merge: &m {k: 1}
+more: {<<: *m, l: 2}
+"""
+
+
+def test_every_feature(tmp_path, monkeypatch):
+    monkeypatch.setenv("ROS_HOME", "somewhere")
+    (tmp_path / "all.xacro").write_text(FEATURES)
+    (tmp_path / "part.xacro").write_text(INNER)
+    (tmp_path / "t.yaml").write_text(TABLE)
+    assert compare(tmp_path) == (2, {})
+    assert 'name="elem"' not in expand_xacro(tmp_path / "all.xacro").xml
+    assert "<elem " in expand_xacro(tmp_path / "all.xacro").xml
