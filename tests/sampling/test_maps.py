@@ -1,4 +1,7 @@
-"""Maps: where the configurations are, what is kept of them, and that nothing else decides it."""
+"""Maps: where the configurations are, what is kept of them, and that nothing else decides it.
+
+Also of the clearance: the bounds of each configuration, reduced; resumed; refused.
+"""
 
 import dataclasses
 import itertools
@@ -6,27 +9,29 @@ import json
 import math
 import signal
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from pathlib import Path
 
 import arms
 import numpy as np
 import pytest
 from command_line import and_peak, run
 from hypothesis import given, strategies as st
+from kernel import needs_kernel
 from tiers import tiered
 
-from pinsing import singular_values
+from pinsing import clearance, closed_form, plot, singular_values
 from pinsing._batch import engine as kernel
 from pinsing.cli.output import Meter, duration, short
 from pinsing.errors import (
     ConfigurationError,
     EngineError,
     OptionError,
+    OutputError,
     UnknownNameError,
     WorkerError,
 )
 from pinsing.kinematics.jacobian import fixed_batch, fixed_engine
 from pinsing.measures import sigma_ratio
-from pinsing.robot.arm import Coupling
 from pinsing.robot.load import load
 from pinsing.sampling import MapResult, maps, plan_map, sigma_map
 from pinsing.sampling.executors import local_processes
@@ -34,9 +39,6 @@ from pinsing.sampling.maps import BLOCK, grid_axis, grid_points, put_points, uni
 from pinsing.sampling.tally import BINS, QUANTILE_ERROR, Tally, bin_edges, bin_numbers, count_values
 
 N = 5 * BLOCK + 77
-
-
-# ---- where the configurations are
 
 
 @pytest.mark.slow
@@ -73,7 +75,7 @@ def test_a_sample_is_the_same_in_any_stretches(sampling: str, dimension: int) ->
     assert not np.array_equal(unit_points(sampling, 0, 3000, dimension, 5), whole)
 
 
-@pytest.mark.skipif(not kernel.available(), reason="the compiled kernel is not installed")
+@needs_kernel
 @given(
     start=st.one_of(st.integers(0, 10**15), st.integers(0, 5000)),
     length=st.integers(0, 300),
@@ -86,35 +88,33 @@ def test_the_kernel_puts_the_same_bits(start: int, length: int, n: int, seed: in
     columns = rng.permutation(n)[:k].tolist() if seed % 2 else list(range(k))
     low = rng.normal(size=k)
     ranges = np.stack([low, low + rng.uniform(1e-3, 10, k)], axis=1)
-    found = np.full((length, n), 7.0)
-    put_points(found, columns, "sobol", start, ranges, seed)
     u = unit_points("sobol", start, start + length, k, seed)
     expected = np.full((length, n), 7.0)
     expected[:, columns] = u * (ranges[:, 1] - ranges[:, 0]) + ranges[:, 0]
-    np.testing.assert_array_equal(found, expected)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(kernel, "_missing", "not there")
-        found[:] = 7.0
-        put_points(found, columns, "sobol", start, ranges, seed)
-    np.testing.assert_array_equal(found, expected)
+    for missing in (kernel._missing, "not there"):
+        found = np.full((length, n), 7.0)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(kernel, "_missing", missing)
+            put_points(found, columns, "sobol", start, ranges, seed)
+        np.testing.assert_array_equal(found, expected)
 
 
-@pytest.mark.skipif(not kernel.available(), reason="the compiled kernel is not installed")
+@needs_kernel
 def test_the_kernel_refuses_what_is_not_there() -> None:
     k = 3
     words, columns, ones = np.zeros((2, k), dtype=np.uint64), np.arange(k), np.ones(k)
     out = np.empty((2, k))
     put_words = kernel.module().put_words
     put_words(words, words, 1, columns, ones, ones, out)
-    for place in (2, 3):
-        with pytest.raises(ValueError, match="not as long"):
-            put_words(words, words[:1], place, columns, ones, ones, out)
-    with pytest.raises(ValueError, match="columns must be in"):
-        put_words(words, words, 0, columns + 1, ones, ones, out)
-    with pytest.raises(ValueError, match="must have shape"):
-        put_words(words, words, 0, columns, ones[:2], ones, out)
-    with pytest.raises(ValueError, match="heads must have shape"):
-        put_words(words, words[:, :2].copy(), 0, columns, ones, ones, out)
+    for heads, place, at, low, said in (
+        (words[:1], 2, columns, ones, "not as long"),
+        (words[:1], 3, columns, ones, "not as long"),
+        (words, 0, columns + 1, ones, "columns must be in"),
+        (words, 0, columns, ones[:2], "must have shape"),
+        (words[:, :2].copy(), 0, columns, ones, "heads must have shape"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            put_words(words, heads, place, at, low, ones, out)
 
 
 @pytest.mark.parametrize("sampling", ["sobol", "random"])
@@ -166,9 +166,7 @@ def test_configurations_are_within_their_ranges() -> None:
         plan = plan_map(arm, sampling, count=3000, joints=("q5", "d3"), q=q, ranges={"q5": (1, 2)})
         Q = plan.configurations(0, plan.count)
         assert Q.shape == (plan.count, 6)
-        np.testing.assert_array_equal(
-            Q[:, [0, 1, 3, 5]], np.tile([0.1, 0.2, 0.4, 0.6], (len(Q), 1))
-        )
+        assert (Q[:, [0, 1, 3, 5]] == [0.1, 0.2, 0.4, 0.6]).all()
         assert ((Q[:, 4] >= 1) & (Q[:, 4] <= 2)).all()
         assert ((Q[:, 2] >= arm.lower[2]) & (Q[:, 2] <= arm.upper[2])).all()
         assert np.ptp(Q[:, 4]) > 0.9
@@ -213,9 +211,6 @@ def test_wrong_options_are_refused(options: dict, error: type[Exception], text: 
         sigma_map(arms.textbook("stanford"), **{**count, **options})
 
 
-# ---- what is kept of them
-
-
 def test_bins_hold_what_their_edges_say() -> None:
     edges = bin_edges()
     assert len(edges) == BINS + 1
@@ -229,7 +224,7 @@ def test_bins_hold_what_their_edges_say() -> None:
     assert (np.diff(inner) / inner[:-1] <= 2 * QUANTILE_ERROR).all()
 
 
-@pytest.mark.skipif(not kernel.available(), reason="the compiled kernel is not installed")
+@needs_kernel
 @given(
     values=st.lists(
         st.one_of(st.floats(0, 4), st.sampled_from([0.0, 1e-9, 1e-2, 2.0**-64, 2.0**32, 1e300])),
@@ -271,13 +266,13 @@ def brute_force(sigma: np.ndarray, worst: int) -> dict[str, object]:
 def test_tallies_join_in_any_order(data, worst, cuts, seed):
     sigma = np.stack([np.full(len(data), 4.0), np.array(data)], axis=1)
     ends = [0, *sorted(c for c in cuts if c < len(data)), len(data)]
-    parts = []
+    parts, serial, whole = [], Tally(worst), Tally(worst)
     for a, b in itertools.pairwise(ends):
         tally = Tally(worst)
-        tally.add(a, sigma[a:b, -1], sigma_ratio(sigma[a:b]))
+        for each in (tally, serial):
+            each.add(a, sigma[a:b, -1], sigma_ratio(sigma[a:b]))
         parts.append(tally.record())
     np.random.default_rng(seed).shuffle(parts)
-    whole = Tally(worst)
     for part in parts:
         whole.join(part)
     expected = brute_force(sigma, worst)
@@ -286,9 +281,6 @@ def test_tallies_join_in_any_order(data, worst, cuts, seed):
     assert whole.worst_index.tolist() == expected["worst"]
     assert whole.index.tolist() == expected["index"]
     assert whole.histogram.sum(axis=1).tolist() == [len(data)] * 2
-    serial = Tally(worst)
-    for a, b in itertools.pairwise(ends):
-        serial.add(a, sigma[a:b, -1], sigma_ratio(sigma[a:b]))
     for name, array in serial.record().items():
         np.testing.assert_array_equal(array, whole.record()[name])
 
@@ -323,17 +315,6 @@ def test_a_map_is_what_all_its_values_say(sampling: str) -> None:
         result.ratio.quantile(1.5)
 
 
-# ---- nothing else decides it
-
-
-def coupled() -> object:
-    """A UR5 whose joints all follow four others, as mimic joints do."""
-    arm = arms.ur5()
-    matrix = np.random.default_rng(5).uniform(-1, 1, (6, 4))
-    cut = {name: getattr(arm, name)[:4] for name in ("joints", "prismatic", "lower", "upper")}
-    return dataclasses.replace(arm, **cut, coupling=Coupling(matrix, np.full(6, 0.1)))
-
-
 class Backwards(Executor):
     """Does the work at once, and hands it over in the wrong order."""
 
@@ -346,10 +327,10 @@ class Backwards(Executor):
 @pytest.mark.parametrize("engine", [*kernel.isa_names(), "pinocchio"])
 @pytest.mark.parametrize("robot", tiered(["ur5", "coupled", "position"], ("coupled",)))
 def test_chunks_and_threads_do_not_change_a_bit(engine: str, robot: str) -> None:
+    arm = arms.ur5() if robot != "position" else arms.ur5().with_task("position", 0.3)
     if robot == "coupled":
-        arm = coupled()
-    else:
-        arm = arms.ur5() if robot == "ur5" else arms.ur5().with_task("position", 0.3)
+        matrix = np.random.default_rng(5).uniform(-1, 1, (6, 4))
+        arm = arms.coupled(arm, matrix, np.full(6, 0.1))
     count = N if engine != "pinocchio" else 2 * BLOCK + 9
 
     def text(**options) -> str:
@@ -366,7 +347,7 @@ def test_chunks_and_threads_do_not_change_a_bit(engine: str, robot: str) -> None
     assert text(executor=Backwards(), chunk=BLOCK, parallel=3) == one
 
 
-def test_a_worker_that_dies_is_an_error_that_says_so(tmp_path) -> None:
+def test_a_worker_that_dies_is_an_error_that_says_so() -> None:
     with local_processes(1) as (executor, _):
         victim = executor.submit(signal.raise_signal, signal.SIGKILL)
         assert victim.exception() is not None
@@ -385,9 +366,6 @@ def test_a_worker_without_the_instruction_set_says_so(monkeypatch) -> None:
         fixed_engine(arms.ur5(), work.engine)
 
 
-# ---- memory
-
-
 @pytest.mark.slow
 def test_memory_does_not_grow_with_the_map() -> None:
     code = (
@@ -401,59 +379,56 @@ def test_memory_does_not_grow_with_the_map() -> None:
     assert large < 400
 
 
-# ---- the command line
+def test_the_command_maps(tmp_path) -> None:
+    path = tmp_path / "map.json"
+    done = run("map", "ur5", "--count", "2**14", "--worst", "3", "-o", str(path))
+    assert done.exit_code == 0
+    assert "16,384 configurations" in done.stdout
+    assert "near-singular" in done.stdout
+    result = MapResult.from_json(path.read_text())
+    expected = sigma_map(load("ur5"), count=2**14, worst=3)
+    assert result.to_json() == expected.to_json()
 
 
-class TestCommand:
-    def test_a_map(self, tmp_path) -> None:
-        path = tmp_path / "map.json"
-        done = run("map", "ur5", "--count", "2**14", "--worst", "3", "-o", str(path))
-        assert done.exit_code == 0
-        assert "16,384 configurations" in done.stdout
-        assert "near-singular" in done.stdout
-        result = MapResult.from_json(path.read_text())
-        assert len(result.worst) == 3
-        expected = sigma_map(load("ur5"), count=2**14, worst=3)
-        assert result.to_json() == expected.to_json()
+def test_the_command_takes_options_of_a_grid() -> None:
+    words = "map stanford --sampling grid --steps q5=5,d3=3 --map-joints d3,q5 --deg"
+    ranges = ["--range", "q5=-90,90", "--q", "0,60,0.1,0,0,0", "-o", "-"]
+    done = run(*words.split(), *ranges)
+    data = json.loads(done.stdout)
+    assert data["plan"]["steps"] == [3, 5]
+    assert data["plan"]["ranges"][1] == pytest.approx([-math.pi / 2, math.pi / 2])
+    assert data["plan"]["base"][1] == pytest.approx(math.pi / 3)
+    assert data["singular"] == 7  # q5 = 0 at three d3, d3 = 0 at five q5
 
-    def test_options_of_a_grid(self) -> None:
-        words = "map stanford --sampling grid --steps q5=5,d3=3 --map-joints d3,q5 --deg"
-        ranges = ["--range", "q5=-90,90", "--q", "0,60,0.1,0,0,0", "-o", "-"]
-        done = run(*words.split(), *ranges)
-        data = json.loads(done.stdout)
-        assert data["plan"]["steps"] == [3, 5]
-        assert data["plan"]["ranges"][1] == pytest.approx([-math.pi / 2, math.pi / 2])
-        assert data["plan"]["base"][1] == pytest.approx(math.pi / 3)
-        assert data["singular"] == 7  # q5 = 0 at three d3, d3 = 0 at five q5
 
-    def test_ctrl_c(self, tmp_path, monkeypatch) -> None:
-        seen = []
+def test_ctrl_c_on_the_command(tmp_path, monkeypatch) -> None:
+    seen = []
 
-        def progress(self, done: int, total: int) -> str:
-            seen.append(done)
-            if len(seen) == 2:
-                signal.raise_signal(signal.SIGINT)
-            return ""
+    def progress(self, done: int, total: int) -> str:
+        seen.append(done)
+        if len(seen) == 2:
+            signal.raise_signal(signal.SIGINT)
+        return ""
 
-        monkeypatch.setattr(Meter, "text", progress)
-        words = ["map", "ur5", "--count", str(N), "--chunk", "1"]
-        done = run(*words)
-        assert done.exit_code == 130
-        assert "stopped after" in done.stdout
-        assert "with -o FOLDER" in done.stderr
-        seen.clear()
-        out = str(tmp_path / "run")
-        done = run(*words, "-o", out)
-        assert done.exit_code == 130
-        assert f"what is done is in {out}: run the same command to resume" in done.stderr
-        monkeypatch.undo()
-        kept = len(list((tmp_path / "run" / "chunks").iterdir()))
-        assert 2 <= kept < 6
-        done = run(*words, "-o", out, "-o", str(tmp_path / "a.json"))
-        assert done.exit_code == 0
-        assert f"{kept} of 6 chunks were done before" in done.stderr
-        run(*words, "-o", str(tmp_path / "b.json"))
-        assert (tmp_path / "a.json").read_text() == (tmp_path / "b.json").read_text()
+    monkeypatch.setattr(Meter, "text", progress)
+    words = ["map", "ur5", "--count", str(N), "--chunk", "1"]
+    done = run(*words)
+    assert done.exit_code == 130
+    assert "stopped after" in done.stdout
+    assert "with -o FOLDER" in done.stderr
+    seen.clear()
+    out = str(tmp_path / "run")
+    done = run(*words, "-o", out)
+    assert done.exit_code == 130
+    assert f"what is done is in {out}: run the same command to resume" in done.stderr
+    monkeypatch.undo()
+    kept = len(list((tmp_path / "run" / "chunks").iterdir()))
+    assert 2 <= kept < 6
+    done = run(*words, "-o", out, "-o", str(tmp_path / "a.json"))
+    assert done.exit_code == 0
+    assert f"{kept} of 6 chunks were done before" in done.stderr
+    run(*words, "-o", str(tmp_path / "b.json"))
+    assert (tmp_path / "a.json").read_text() == (tmp_path / "b.json").read_text()
 
 
 def test_rate_and_remaining_time() -> None:
@@ -465,3 +440,81 @@ def test_rate_and_remaining_time() -> None:
     assert [short(x) for x in (7, 12_345, 3.2e9, 1e12)] == ["7", "12.3 k", "3.2 G", "1 T"]
     said = [duration(s) for s in (59, 200, 18_600, 187_200)]
     assert said == ["59 s", "3 min 20 s", "5 h 10 min", "2 d 4 h"]
+
+
+@pytest.mark.slow
+def test_a_map_of_the_clearance_is_that_of_each_configuration() -> None:
+    arm = arms.ur5()
+    form = closed_form(arm)
+    result = sigma_map(arm, measure="clearance", forms=form, count=3 * BLOCK + 7, worst=9, seed=4)
+    found = clearance(form, result.plan.configurations(0, result.done))
+    spread = result.clearance
+    assert spread.families == found.names
+    assert spread.complete
+    order = np.lexsort((np.arange(result.done), found.lower))[:9]
+    assert [p.index for p in spread.nearest] == order.tolist()
+    for point, i in zip(spread.nearest, order, strict=True):
+        assert (point.lower, point.upper) == (found.lower[i], found.upper[i])
+        assert point.family == found.nearest[i]
+    assert spread.lower.smallest.value == found.lower.min()
+    assert spread.lower.largest.value == found.lower.max()
+    assert spread.upper.largest.value == found.upper.max()
+    assert spread.lower.counts.sum() == spread.upper.counts.sum() == result.done
+    assert np.isclose(spread.lower.quantile(0.5), np.median(found.lower), rtol=5e-3)
+    plain = sigma_map(arm, count=3 * BLOCK + 7, worst=9, seed=4)
+    assert plain.clearance is None
+    assert plain.ratio.smallest.value == result.ratio.smallest.value
+    assert MapResult.from_json(result.to_json()).to_json() == result.to_json()
+    old = plain.to_dict()
+    del old["clearance"]  # as the version before wrote it
+    assert MapResult.from_dict(old).clearance is None
+    text = result.text(degrees=True)
+    assert "distance to the nearest of F1, F2, F3, in degrees" in text
+    assert f"{math.degrees(found.lower.min()):.4g}" in text
+
+
+def test_a_map_of_the_clearance_goes_on_in_its_folder(tmp_path: Path) -> None:
+    arm = arms.textbook("stanford")
+    options: dict[str, object] = {"measure": "clearance", "count": 5 * BLOCK, "chunk": 1}
+    whole = sigma_map(arm, **options).to_json()
+    assert sigma_map(arm, **options, out=tmp_path / "run").to_json() == whole
+    (tmp_path / "run" / "result.json").unlink()
+    kept = sorted((tmp_path / "run" / "chunks").glob("*.npz"))
+    assert len(kept) == 5
+    kept[1].unlink()
+    kept[3].write_bytes(b"not a chunk")
+    told: list[str] = []
+    again = sigma_map(arm, **options, out=tmp_path / "run", tell=told.append)
+    assert again.to_json() == whole
+    assert told
+    with pytest.raises(OutputError):  # the same folder without the clearance is another run
+        sigma_map(arm, count=5 * BLOCK, chunk=1, out=tmp_path / "run")
+
+
+def test_unknown_bounds_are_said_and_not_counted_as_numbers() -> None:
+    form = closed_form(load("puma560"))
+    # Of its shoulder alone the closed formula knows no upper bound.
+    only = dataclasses.replace(form, families=form.families[2:])
+    result = sigma_map(load("puma560"), measure="clearance", forms=only, count=BLOCK)
+    spread = result.clearance
+    assert np.isinf(spread.upper.largest.value)
+    assert spread.upper.quantile(1.0) == np.inf
+    row = next(line for line in str(result).splitlines() if line.split()[:1] == ["largest"])
+    assert row.split()[-1] == "-"
+
+
+def test_a_plane_shows_the_proven_bound_of_each_configuration() -> None:
+    arm = arms.ur5()
+    q = np.array([0.1, -1.2, 1.3, -1.6, -1.4, 0.3])
+    axes = plot.sigma_plane(
+        arm, "elbow_joint", "wrist_2_joint", q=q, measure="clearance", samples=31
+    )
+    shown = np.asarray(axes.collections[0].get_array()).reshape(31, 31)
+    x, y = np.linspace(-np.pi, np.pi, 31), np.linspace(-2 * np.pi, 2 * np.pi, 31)
+    for i, k in ((3, 5), (15, 2), (30, 29)):
+        there = q.copy()
+        there[2], there[4] = x[k], y[i]
+        bound = math.degrees(float(clearance(closed_form(arm), there).lower))
+        assert shown[i, k] == pytest.approx(bound, abs=1e-9)
+    with pytest.raises(OptionError, match="measure"):
+        plot.sigma_plane(arm, "elbow_joint", "wrist_2_joint", measure="distance")

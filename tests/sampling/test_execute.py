@@ -1,10 +1,15 @@
-"""Runs in a folder: whatever happens to the process, the disk or the files, nothing is lost."""
+"""Runs in a folder: whatever happens to the process, the disk or the files, nothing is lost.
+
+Folders that somebody has been in: what is strange is named, nothing is believed. Short runs of
+scripts/durability, and proof that it would notice.
+"""
 
 import contextlib
 import errno
 import importlib
 import json
 import os
+import re
 import shutil
 import signal
 import sys
@@ -16,17 +21,20 @@ from typing import Any
 import arms
 import numpy as np
 import pytest
-from command_line import run, soon, started
-from tiers import tiered
+from command_line import python, run, soon, started
+from public import SCRIPTS, script
+from tiers import sampled, tiered
 
 from pinsing import singular_values
 from pinsing._batch import engine as kernel
-from pinsing.chunk_file import DamagedError
-from pinsing.errors import EngineError, OutputError
-from pinsing.sampling import plan_map, sigma_map
+from pinsing.chunk_file import DamagedError, pack, read_arrays, read_bounded
+from pinsing.cli.app import command as program
+from pinsing.errors import EngineError, OutputError, ResultError
+from pinsing.sampling import MapResult, plan_map, sigma_map
 from pinsing.sampling.execute import RunFolder, ctrl_c_afterwards, open_run, recorded
 from pinsing.sampling.maps import BLOCK
-from pinsing.sampling.sweeps import SweepResult, load_npz, plan_sweep, run_sweep
+from pinsing.sampling.sweeps import load_npz, plan_sweep, run_sweep
+from pinsing.view.picture import find_browser
 
 IDENTITY = {"kind": "test", "size": 3}
 RECORD = {"a": np.arange(5.0), "b": np.array([1, 2])}
@@ -45,9 +53,6 @@ def read(folder: RunFolder, index: int) -> dict | None:
 
 class Crash(BaseException):
     """What a process does not survive: no handler in the code under test may catch it."""
-
-
-# ---- one folder
 
 
 def test_chunks_come_back_as_they_were(tmp_path: Path) -> None:
@@ -109,18 +114,16 @@ def test_folders_that_cannot_be_used(tmp_path: Path) -> None:
     full = tmp_path / "full"
     full.mkdir()
     (full / "thesis.tex").write_text("x")
-    cases = {
-        file: "it is a file",
-        full: "is not empty and holds no run",
-        tmp_path / "no" / "where": "there is no folder",
-        file / "below": "cannot",
-        tmp_path / "nul\0l": "cannot",
-    }
-    for path, text in cases.items():
+    for path, text in (
+        (file, "it is a file"),
+        (full, "is not empty and holds no run"),
+        (tmp_path / "no" / "where", "there is no folder"),
+        (file / "below", "cannot"),
+        (tmp_path / "nul\0l", "cannot"),
+    ):
         with pytest.raises(OutputError, match=text), open_run(path, IDENTITY, 3):
             pass
-    assert (full / "thesis.tex").exists()
-    assert len(list(full.iterdir())) == 1
+    assert [path.name for path in full.iterdir()] == ["thesis.tex"]
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"schema": "pinsing/run/1"}', '"x"', "\ud800"])
@@ -153,9 +156,6 @@ def test_two_at_once(tmp_path: Path) -> None:
         folder.save(0, RECORD)
 
 
-# ---- a full disk
-
-
 def test_a_full_disk_is_an_error_and_loses_nothing(tmp_path, monkeypatch):
     arm, out = arms.ur5(), tmp_path / "run"
     real, count = os.fsync, 0
@@ -176,9 +176,6 @@ def test_a_full_disk_is_an_error_and_loses_nothing(tmp_path, monkeypatch):
     again = sigma_map(arm, count=6 * BLOCK, chunk=1, out=out, tell=told.append)
     assert told == ["3 of 6 chunks were done before"]
     assert again.to_json() == sigma_map(arm, count=6 * BLOCK, chunk=1).to_json()
-
-
-# ---- killed
 
 
 @pytest.mark.slow
@@ -223,39 +220,32 @@ def alive(pid: int) -> bool:
     return state != "Z"
 
 
-def test_what_only_one_of_two_runs_has_is_named(tmp_path: Path) -> None:
-    with open_run(tmp_path, IDENTITY, 3):
-        pass
-    with pytest.raises(OutputError, match="x is null there and 1 here"):
-        open_run(tmp_path, IDENTITY | {"x": 1}, 3).__enter__()
-
-
-# ---- what a map and a sweep keep
-
-
 def test_a_changed_robot_or_plan_or_engine_is_refused(tmp_path: Path) -> None:
-    arm = arms.ur5()
-    sigma_map(arm, count=BLOCK, out=tmp_path / "run")
-    with pytest.raises(OutputError, match="geometry, task or length scale has changed"):
-        sigma_map(arm.with_task(length_scale=0.5), count=BLOCK, out=tmp_path / "run")
-    with pytest.raises(OutputError, match="count is 4096 there and 4097 here"):
-        sigma_map(arm, count=BLOCK + 1, out=tmp_path / "run")
-    with pytest.raises(OutputError, match="seed is 0 there and 1 here"):
-        sigma_map(arm, count=BLOCK, seed=1, out=tmp_path / "run")
+    arm, out = arms.ur5(), tmp_path / "run"
+    sigma_map(arm, count=BLOCK, out=out)
+    other = arm.with_task(length_scale=0.5)
+    for given, options, said in (
+        (other, {}, "geometry, task or length scale has changed"),
+        (arm, {"count": BLOCK + 1}, "count is 4096 there and 4097 here"),
+        (arm, {"seed": 1}, "seed is 0 there and 1 here"),
+    ):
+        with pytest.raises(OutputError, match=said):
+            sigma_map(given, **{"count": BLOCK, **options}, out=out)
     with pytest.raises(OutputError, match="kind is"):
-        run_sweep(arm, plan_sweep(arm, levels=1), out=tmp_path / "run")
+        run_sweep(arm, plan_sweep(arm, levels=1), out=out)
+    with pytest.raises(OutputError, match="x is null there and 1 here"):
+        open_run(out, recorded(out) | {"x": 1}, 1).__enter__()
 
 
 @pytest.mark.skipif(len(kernel.isa_names()) < 2, reason="one instruction set only")
 def test_a_run_keeps_the_instruction_set_it_began_with(tmp_path, monkeypatch):
-    arm = arms.ur5()
+    arm, best = arms.ur5(), kernel.isa_names()[-1]
     first = sigma_map(arm, count=BLOCK, engine="baseline", out=tmp_path / "run")
     again = sigma_map(arm, count=BLOCK, out=tmp_path / "run")
     assert again.engine == "baseline"
     assert again.to_json() == first.to_json()
     with pytest.raises(OutputError, match="engine is"):
-        sigma_map(arm, count=BLOCK, engine=kernel.isa_names()[-1], out=tmp_path / "run")
-    best = kernel.isa_names()[-1]
+        sigma_map(arm, count=BLOCK, engine=best, out=tmp_path / "run")
     sigma_map(arm, count=BLOCK, out=tmp_path / "best")
     monkeypatch.setattr(kernel, "isa_names", lambda: ("baseline",))
     with pytest.raises(EngineError, match=f"engine {best} does not run on this machine"):
@@ -267,10 +257,7 @@ def test_all_values_are_kept_on_request(tmp_path: Path) -> None:
     count = 2 * BLOCK + 5
     options = {"count": count, "chunk": 1, "keep_values": True, "out": out}
     result = sigma_map(arm, **options)
-    parts = []
-    for path in sorted((out / "chunks").iterdir()):
-        with np.load(path) as archive:
-            parts.append(archive["sigma"])
+    parts = [np.load(path)["sigma"] for path in sorted((out / "chunks").iterdir())]
     Q = plan_map(arm, count=count).configurations(0, count)
     np.testing.assert_array_equal(np.concatenate(parts), singular_values(arm, Q))
     with pytest.raises(OutputError, match="keep_values is true there and false here"):
@@ -337,9 +324,7 @@ def test_ctrl_c_after_the_last_chunk_of_a_sweep(name, place, tmp_path, monkeypat
     assert done.exit_code == 130
     assert "there are no findings" in done.stdout
     assert "pinsing: stopped" in done.stderr
-    kept = load_npz(out if out.is_file() else out / "sweep.npz")
-    assert isinstance(kept, SweepResult)
-    assert kept.complete
+    assert load_npz(out if out.is_file() else out / "sweep.npz").complete
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
@@ -374,12 +359,252 @@ def test_sweep_command_in_a_folder(tmp_path: Path) -> None:
     words = ["analyze", "planar3r", "--sweep", "--levels", "1", "--samples", "21"]
     done = run(*words, "-o", str(tmp_path / "run"), "--threads", "2")
     assert done.exit_code == 0
-    kept = load_npz(tmp_path / "run" / "sweep.npz")
-    assert isinstance(kept, SweepResult)
-    assert kept.complete
+    assert load_npz(tmp_path / "run" / "sweep.npz").complete
     again = run(*words, "-o", str(tmp_path / "run"))
     assert "1 of 1 chunks were done before" in again.stderr
     assert again.stdout == done.stdout
     other = run("analyze", "planar3r", "--sweep", "--samples", "22", "-o", str(tmp_path / "run"))
     assert other.exit_code == 2
     assert "holds another run" in other.stderr
+
+
+COUNT = 4 * BLOCK
+
+
+def mapped(out: Path, **more: Any) -> MapResult:
+    """A map of four chunks."""
+    return sigma_map(arms.ur5(), count=COUNT, chunk=1, out=out, **more)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("map") / "run"
+    mapped(out)
+    return out
+
+
+@pytest.fixture
+def made(whole: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(whole, tmp_path / "run"))
+
+
+def resume(made: Path, whole: Path) -> list[str]:
+    """Go on with a run; what was told. All bytes are those of the run at one stretch."""
+    told: list[str] = []
+    (made / "result.json").unlink(missing_ok=True)
+    result = mapped(made, tell=told.append)
+    assert result.complete
+    assert (made / "result.json").read_bytes() == (whole / "result.json").read_bytes()
+    for index in range(4):
+        name = f"chunks/{index:06d}.npz"
+        assert not (made / name).is_symlink()
+        assert (made / name).read_bytes() == (whole / name).read_bytes()
+    return told
+
+
+@pytest.mark.parametrize("name", ["3.npz", "0000003.npz", "²²²²²².npz"])
+def test_only_exact_names_count(made: Path, whole: Path, name: str) -> None:
+    shutil.copy(made / "chunks" / "000003.npz", made / "chunks" / name)
+    assert resume(made, whole) == ["4 of 4 chunks were done before"]
+    (made / "chunks" / "000003.npz").unlink()
+    assert resume(made, whole) == ["3 of 4 chunks were done before"]
+
+
+def test_litter_of_killed_writes_is_removed(made: Path, whole: Path) -> None:
+    litter = [made / ".plan.json.0123.part", made / "chunks" / ".000001.npz.0123.part"]
+    for path in litter:
+        path.write_bytes(b"half")
+    resume(made, whole)
+    assert not any(path.exists() for path in litter)
+
+
+STRANGE: dict[str, tuple[Callable[[Path], object], str]] = {
+    "a link to a device": (lambda p: p.symlink_to("/dev/zero"), "it is a link"),
+    "a link to another chunk": (lambda p: p.symlink_to("000001.npz"), "it is a link"),
+    "a link to nothing": (lambda p: p.symlink_to("nothing"), "it is a link"),
+    "a pipe": (lambda p: os.mkfifo(p), "a device or pipe"),
+    "nothing at all": (lambda p: p.write_bytes(b""), "not as it was written"),
+    "a terabyte of nothing": (lambda p: os.truncate(os.open(p, 65), 1 << 40), "more than the"),
+}
+
+
+@pytest.mark.parametrize("kind", STRANGE)
+def test_what_is_no_chunk_is_named_and_done_again(made: Path, whole: Path, kind: str) -> None:
+    path = made / "chunks" / "000002.npz"
+    path.unlink()
+    make, said = STRANGE[kind]
+    make(path)
+    told = resume(made, whole)
+    assert told[0] == "3 of 4 chunks were done before"
+    assert re.fullmatch(rf"damaged and done again: chunks 2 \(.*{said}.*\)", told[1])
+
+
+def test_a_folder_in_place_of_a_chunk_is_an_error_before_anything_is_computed(made: Path) -> None:
+    (made / "chunks" / "000002.npz").unlink()
+    (made / "chunks" / "000002.npz").mkdir()
+    with pytest.raises(OutputError, match=r"000002\.npz: it is a folder; remove it"):
+        mapped(made)
+
+
+def test_chunks_that_are_deleted_during_the_run(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+
+    def tidy(done: int, total: int) -> None:
+        if done == 2 * BLOCK:
+            shutil.rmtree(out / "chunks")
+
+    assert mapped(out, threads=1, progress=tidy).complete
+
+
+@pytest.mark.parametrize("name", ["plan.json", "lock"])
+@pytest.mark.parametrize("kind", ["a link to a device", "a pipe"])
+def test_plans_and_locks_that_are_no_files(made: Path, name: str, kind: str) -> None:
+    (made / name).unlink()
+    STRANGE[kind][0](made / name)
+    with pytest.raises(OutputError, match=f"cannot use .*(run|{name})"):
+        mapped(made)
+
+
+def test_a_plan_without_end(tmp_path: Path) -> None:
+    with open(tmp_path / "plan.json", "wb") as file:
+        file.truncate(1 << 40)
+    with pytest.raises(OutputError, match="more than the"):
+        recorded(tmp_path)
+    for text in ("[" * 100_000, '{"identity": {"a": NaN}, "sha256": "", "schema": 1}'):
+        (tmp_path / "plan.json").write_text(text)
+        with pytest.raises(OutputError, match="damaged"):
+            recorded(tmp_path)
+
+
+WRONG: dict[str, tuple[str, Callable[[np.ndarray], object]]] = {
+    "counts too many": ("counts", lambda a: np.add(a, [1, 0, 0])),
+    "counts of a whole run": ("counts", lambda a: [COUNT, 0, 0]),
+    "negative": ("counts", lambda a: a * [1, -1, -1]),
+    "more singular than seen": ("counts", lambda a: [BLOCK, BLOCK, 1]),
+    "singular ones that are not among the worst": ("counts", lambda a: np.add(a, [0, 1, 0])),
+    "a count of floats": ("counts", lambda a: a.astype(float)),
+    "a scalar": ("counts", lambda a: 4096),
+    "not a number": ("value", lambda a: a * np.nan),
+    "infinite": ("worst_sigma", lambda a: a + np.inf),
+    "a number of another chunk": ("index", lambda a: a + BLOCK),
+    "worst of another chunk": ("worst_index", lambda a: a + BLOCK),
+    "worst twice": ("worst_index", lambda a: a * 0 + 2 * BLOCK),
+    "worst not in order": ("worst_ratio", lambda a: a[::-1].copy()),
+    "fewer of the worst": ("worst_ratio", lambda a: a[:-1]),
+    "a better worst": ("worst_ratio", lambda a: a * 0),
+    "bins that are not there": ("sigma_bins", lambda a: a + 10**6),
+    "bins before the first": ("sigma_bins", lambda a: a - 10**6),
+    "bins twice": ("ratio_bins", lambda a: a // 2),
+    "a histogram of more": ("ratio_counts", lambda a: a + 1),
+    "a histogram of nothing": ("ratio_counts", lambda a: a * 0),
+    "a histogram of another shape": ("ratio_counts", lambda a: [BLOCK]),
+    "a histogram elsewhere": ("sigma_bins", lambda a: a + 1),
+    "another worst configuration": (
+        "worst_index", lambda a: np.sort(a) // BLOCK * BLOCK + np.arange(20)
+    ),
+    "another sigma of the worst": ("worst_sigma", lambda a: a * 1.001),
+    "another place of the largest": ("index", lambda a: a // BLOCK * BLOCK),
+    "text": ("worst_sigma", lambda a: ["a"] * 20),
+    "large numbers": ("index", lambda a: np.full((2, 2), 2**62)),
+    "no such array": ("value", lambda a: None),
+    "an array more": ("sigma", lambda a: [1.0]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", sampled(WRONG))
+def test_contents_that_no_chunk_has(made: Path, whole: Path, kind: str) -> None:
+    identity = recorded(made)
+    folder = RunFolder(made, identity, 4)
+    record = folder.read(2)
+    name, changed = WRONG[kind]
+    value = changed(record.pop(name, np.zeros(0)))
+    folder.save(2, record if value is None else {**record, name: np.asarray(value)})
+    folder.read(2)  # its bytes are whole
+    told = resume(made, whole)
+    assert told[0] == "3 of 4 chunks were done before"
+    assert told[1].startswith("damaged and done again: chunks 2 (")
+
+
+def test_a_whole_chunk_of_another_run(made: Path, whole: Path, tmp_path: Path) -> None:
+    mapped(tmp_path / "other", seed=1)
+    shutil.copy(tmp_path / "other" / "chunks" / "000001.npz", made / "chunks")
+    assert "chunks 1 (it belongs to another run)" in resume(made, whole)[1]
+    shutil.copy(made / "chunks" / "000001.npz", made / "chunks" / "000000.npz")
+    assert "chunks 0 (it belongs to another place)" in resume(made, whole)[1]
+
+
+def test_arrays_that_are_not_what_they_may_be_are_not_read(tmp_path: Path) -> None:
+    bomb = pack({"a": np.zeros(5_000_000)}, "run", 0)  # 40 MB
+    assert len(bomb) < 50_000
+    many = pack({f"a{i}": np.zeros(1) for i in range(68)}, "run", 0)
+    np.savez(tmp_path / "x.npz", a=np.array([{}, print], dtype=object), allow_pickle=True)
+    objects = (tmp_path / "x.npz").read_bytes()
+    np.savez(tmp_path / "x.npz", a=np.zeros(3))
+    # Stored as it is: the header can be changed, and then the sum over it is wrong too.
+    data = (tmp_path / "x.npz").read_bytes()
+    more, less = (data.replace(b"(3,),", wrong) for wrong in (b"(9,),", b"(-3,)"))
+    for held, said in (
+        (bomb, "too large"),
+        (many, "holds 70 arrays"),
+        (objects, "kind 'O'"),
+        (more, None),
+        (less, None),
+    ):
+        with pytest.raises(DamagedError, match=said):
+            read_arrays(held, 1 << 20)
+
+
+def test_reading_never_waits(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", Path("/dev/zero"), tmp_path):
+        with pytest.raises((DamagedError, OSError)):
+            read_bounded(path, 100, follow=True)
+        with pytest.raises(ResultError):
+            load_npz(path)
+
+
+commands, failures, power = (
+    script(f"durability.{name}") for name in ("commands", "failures", "power")
+)
+
+
+@pytest.mark.parametrize("command", tiered(["at .json", "sweep .npz", "plot .png"], ("at .json",)))
+def test_each_operation_fails_in_turn(tmp_path: Path, command: str) -> None:
+    rows, wrong = failures.failures(command, tmp_path)
+    assert wrong == []
+    operations = {row["operation"].split(",")[0] for row in rows}
+    assert operations >= {"open", "write", "fsync", "replace", "fsync of a folder"}
+    assert all(row["good"] == row["cases"] > 0 for row in rows)
+
+
+def test_every_command_that_writes_is_here() -> None:
+    """Found from the program itself, so that a new option cannot be forgotten."""
+    assert commands.uncovered(program) == []
+
+
+QUICK = {"at .json", "sweep .npz", "plot .png"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", sorted(set(commands.COMMANDS) - QUICK))
+def test_each_operation_fails_in_turn_in_every_command(tmp_path: Path, command: str) -> None:
+    if command in commands.BROWSER and find_browser() is None:
+        pytest.skip("there is no browser")
+    assert failures.failures(command, tmp_path)[1] == []
+
+
+@pytest.mark.parametrize("command", tiered(["map FOLDER", "sweep FOLDER"], ("map FOLDER",)))
+def test_loss_of_power(tmp_path: Path, command: str) -> None:
+    row, wrong = power.cuts(command, 12, 1, tmp_path)
+    assert wrong == []
+    assert row["good"] == 12
+    assert row["operations"] > 20
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["map, threads", "sweep, threads", "map, worker processes"])
+def test_kills(tmp_path: Path, kind: str) -> None:
+    """In a process of its own: what is forked must not have threads."""
+    words = ("-m", "durability", "kills", "--kills", "40", "--kind", kind)
+    done = python(*words, "--json", tmp_path / "kills.json", cwd=SCRIPTS, timeout=540)
+    assert done.returncode == 0, done.stderr
