@@ -18,6 +18,8 @@ GOFA = [
     (-90, 0, 0.265), (0, 0.444, 0, -90), (-90, 0.11, 0), (90, 0, 0.47), (-90, 0.08, 0),
     (0, 0, 0.101, 180),
 ]  # fmt: skip
+HOLLOW = [(90, 0, 0.5), (0, 0.43, 0), (-90, 0.02, 0.15), (60, 0, 0.43), (-60, 0, 0)]
+"""Of twists that are no quarter turns: without its last row."""
 
 
 def dh_text(rows, limits=(-180, 180), convention="standard", name="made"):

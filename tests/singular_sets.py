@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from arms import place, serial
+from urdf_text import ZERO, Z, chain_text
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import Equation
@@ -91,6 +92,12 @@ def build(
         rows.append((kind, at, *(joint.limits or (-reach, reach))))
     model = serial(rows, place(tip), name="built")
     return load(model, tip="tip", task=task, length_scale=length_scale)
+
+
+def finger(kind: str = "revolute", mimic: str = "") -> Arm:
+    """Position of three parallel axes, of which the last may follow."""
+    rows = [("revolute", ZERO), ("revolute", (0.5, 0, 0)), (kind, (0.4, 0, 0), Z, ZERO, mimic)]
+    return load(chain_text([*rows, ("fixed", (0.3, 0, 0))]), task="position")
 
 
 # Cosine and sine are short decimals, so that intersecting axes intersect in decimals too.

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -49,6 +50,23 @@ def urdf(joints: Sequence[J], name: str = "made") -> str:
 def frame(name: str, link: str, at: Sequence[float]) -> J:
     """A link of its own that is fixed to another."""
     return J(f"at_{name}", link, name, at, kind="fixed")
+
+
+def chain_text(
+    rows: Sequence[tuple[Any, ...]], limits: tuple[float, float] = (-3, 3), name: str = "made"
+) -> str:
+    """Joints j1, ... and links l0, ...: kind, place, then axis, rpy and what else stands in it."""
+    made = []
+    for k, (kind, at, *rest) in enumerate(rows, 1):
+        axis, rpy, more = (*rest, *(Z, ZERO, "")[len(rest) :])
+        ends = None if kind == "fixed" else limits
+        made.append(J(f"j{k}", f"l{k - 1}", f"l{k}", at, axis, kind, ends, rpy, more))
+    return urdf(made, name)
+
+
+def follows(leader: int, multiplier: float, offset: float = 0.0) -> str:
+    """What makes a joint of such a chain a follower."""
+    return f'<mimic joint="j{leader}" multiplier="{multiplier}" offset="{offset}"/>'
 
 
 def loop_text(

@@ -135,22 +135,19 @@ def test_gradient_with_sliders() -> None:
     assert np.isfinite(e.gradient(np.zeros((1, 3)))).all()
 
 
-def says_the_same(e: Equation, seed: int = 1) -> None:
-    for q in np.random.default_rng(seed).uniform(-3, 3, (6, len(e.joints))):
-        left, right = e.text().split(" = ")
-        printed = value_of(left, dict(zip(e.joints, q, strict=True)))
-        assert right == "0"
-        # Six digits of each coefficient, four decimals of a degree in each angle.
-        assert printed == pytest.approx(float(e(q)), abs=2e-5 * e.size * 3.0 ** e.powers.max())
-
-
 @pytest.mark.parametrize("seed", range(8))
 def test_text_of_any_equation_can_be_read_back(seed: int) -> None:
     rng = np.random.default_rng(100 + seed)
     ring = make_ring([False, seed % 2 == 0, False])
     poly = random_form(ring, rng, [int(d) for d in rng.integers(1, 4, 3)], 8)
     offset = np.where(ring.prismatic, 0.0, rng.choice([0.0, RIGHT, 0.3], 3))
-    says_the_same(equation(poly, ring, ("q1", "d2" if seed % 2 == 0 else "q2", "q3"), offset))
+    e = equation(poly, ring, ("q1", "d2" if seed % 2 == 0 else "q2", "q3"), offset)
+    left, right = e.text().split(" = ")
+    assert right == "0"
+    for q in np.random.default_rng(1).uniform(-3, 3, (6, 3)):
+        printed = value_of(left, dict(zip(e.joints, q, strict=True)))
+        # Six digits of each coefficient, four decimals of a degree in each angle.
+        assert printed == pytest.approx(float(e(q)), abs=2e-5 * e.size * 3.0 ** e.powers.max())
 
 
 @pytest.mark.slow

@@ -1,20 +1,34 @@
-"""What is stated is the exact components, and every answer is checked for that."""
+"""What is stated is the exact components and their real points, and is checked for that."""
 
 import math
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from public import script
-from singular_sets import ring_for
+from singular_sets import RIGHT, Joint, build, iiwa_with_offset, ring_for
 from tiers import tiered_rows
 
-import pinsing
 from pinsing.algebra import real_roots as roots
+from pinsing.algebra.budget import Budget, Stages
+from pinsing.algebra.real_roots import (
+    NotFinite,
+    changes_sign,
+    isolated_zeros,
+    real_solutions,
+    semidefinite,
+)
 from pinsing.algebra.ring import make_ring
-from pinsing.families import describe
+from pinsing.families import closed_form, describe
 from pinsing.families.certificate import prove
 from pinsing.families.faithful import disagreements
+from pinsing.families.form import families_text
+from pinsing.kinematics.jacobian import ratios
+from pinsing.robot.load import load
+from pinsing.robot.surd import cosine
+from pinsing.sampling.analyze import analysis_text, analyze
+from pinsing.sampling.sweeps import sweep
 
 EVEN = [(0, 0, 0.2, 0), (0, 0, 0.2, -90), (0, 0, 0.2, 90), (0, 0, 0, 0)]
 """Links alike: all of q3 = 180° is singular, and of q3 = 0 what has q2 = 0 or 180°."""
@@ -27,24 +41,22 @@ def chain(rows, task="pose"):
     return chains.arm_of(chains.Spec(tuple(chains.Row(*r) for r in rows), task))
 
 
-def on_no_family(form, arm, **degrees):
+def on_no_family(form, **degrees):
     """How many of 40 singular points with joints at values lie on no family, and of how many."""
-    q = np.random.default_rng(0).uniform(-3, 3, (40, arm.n))
+    q = np.random.default_rng(0).uniform(-3, 3, (40, len(form.symbols)))
     for name, value in degrees.items():
         q[:, int(name[1:]) - 1] = math.radians(value)
-    sizes = pinsing.singular_values(arm, q)
-    q = q[sizes[:, form.generic_rank - 1] < 1e-12 * sizes[:, 0]]
+    q = q[ratios(form.loaded, q) < 1e-12]
     return sum(form.family_of(x) is None for x in q), len(q)
 
 
 @pytest.mark.parametrize("turned", [0, 180])
 def test_a_rational_value_lies_only_where_it_is(turned):
     """0 was taken for 180 degrees, and a component dropped as a part of q3 = 180 degrees."""
-    arm = chain(EVEN)
-    form = pinsing.closed_form(arm, seconds=60, prove=False)
+    form = closed_form(chain(EVEN), seconds=60, prove=False)
     assert form.complete, form.gaps
-    assert on_no_family(form, arm, q2=turned, q3=0) == (0, 40)
-    assert on_no_family(form, arm, q3=180) == (0, 40)
+    assert on_no_family(form, q2=turned, q3=0) == (0, 40)
+    assert on_no_family(form, q3=180) == (0, 40)
 
 
 @pytest.mark.slow
@@ -52,19 +64,18 @@ def test_what_is_nearly_zero_is_no_error():
     """An equation is 1e-11 of its terms at a joint value without singular configurations."""
     a, d = (0, 0, 0.0825, -0.0835, 0, 0.088, 0), (0.333, 0, 0.316, 0, 0.384, 0, 0.107)
     alpha = (-90, 90, 90, -90, 90, 90, 0)
-    form = pinsing.closed_form(chain([(0, *row) for row in zip(d, a, alpha, strict=True)]))
+    form = closed_form(chain([(0, *row) for row in zip(d, a, alpha, strict=True)]))
     assert (form.word, len(form.families)) == ("proven", 4)
 
 
 @pytest.mark.slow
 def test_a_relation_that_is_a_product_has_all_of_its_roots():
     """sin q3 = 0 was solved as q3 = 0."""
-    arm = chain(SYMMETRIC, "vx,vy,vz,wz")
-    form = pinsing.closed_form(arm, seconds=60, prove=False)
+    form = closed_form(chain(SYMMETRIC, "vx,vy,vz,wz"), seconds=60, prove=False)
     assert form.complete, form.gaps
     for q3 in (0, 180):
         for q5 in (2 * math.degrees(math.atan(1 / 3)), 2 * math.degrees(math.atan(1 / 3)) - 180):
-            assert on_no_family(form, arm, q3=q3, q4=0, q5=q5) == (0, 40)
+            assert on_no_family(form, q3=q3, q4=0, q5=q5) == (0, 40)
 
 
 def test_a_value_read_wrongly_is_no_complete_answer(monkeypatch):
@@ -75,7 +86,7 @@ def test_a_value_read_wrongly_is_no_complete_answer(monkeypatch):
         return real(self, replace(branch, values=tuple(held)), components)
 
     monkeypatch.setattr(describe.PieceMaker, "_at_exact_values", at_half_a_turn)
-    form = pinsing.closed_form(chain(EVEN), seconds=60, prove=True)
+    form = closed_form(chain(EVEN), seconds=60, prove=True)
     assert not form.complete
     assert any("on no family that is stated" in gap for gap in form.gaps)
 
@@ -85,7 +96,7 @@ def test_a_root_that_is_lost_is_no_complete_answer(monkeypatch):
     monkeypatch.setattr(
         describe, "real_roots", lambda *a: [v for v in roots.real_roots(*a) if v.ball is not None]
     )
-    form = pinsing.closed_form(chain(SYMMETRIC, "vx,vy,vz,wz"), seconds=60)
+    form = closed_form(chain(SYMMETRIC, "vx,vy,vz,wz"), seconds=60)
     assert not form.complete
     assert any("on no family that is stated" in gap for gap in form.gaps)
 
@@ -95,7 +106,7 @@ TOLD = [("ur5", "pose"), ("puma560", "position"), ("panda", "pose")]
 
 @pytest.mark.parametrize(("name", "task"), tiered_rows(TOLD, TOLD[:2]))
 def test_a_branch_that_is_missing_or_another_is_told(name, task):
-    form = pinsing.closed_form(pinsing.load(name, task=task), seconds=60)
+    form = closed_form(load(name, task=task), seconds=60)
     geometry = form.geometry
     ring = ring_for(geometry)
 
@@ -120,7 +131,7 @@ def test_a_branch_that_is_missing_or_another_is_told(name, task):
 
 
 def test_no_certificate_is_of_branches_that_are_not_the_components():
-    form = pinsing.closed_form(pinsing.load("stanford"))
+    form = closed_form(load("stanford"))
     first, *rest = form.families
     less = replace(first, branches=first.branches[:1])
     assert prove(form).word == "proven"
@@ -134,10 +145,188 @@ def test_isolated_zeros_of_a_touching_equation_are_held_against_it():
     ring = make_ring((False, False))
     x, y, u, v = ring.context.gens()
     poly = 4 * x**2 * u**2 + 2 * x**2 * v**2 + 2 * y**2 * u**2
-    form = pinsing.closed_form(chain([(0, 0, 0.2, 0), (0, 0, 0.2, 0)], "position"))
+    form = closed_form(chain([(0, 0, 0.2, 0), (0, 0, 0.2, 0)], "position"))
     component = replace(form.families[0].components[0], values={}, relations=(poly,), codimension=1)
     at = ring, form.geometry, form.symbols
     (found,) = disagreements([], [component], *at)
     assert "on no family that is stated" in found
     empty = replace(component, relations=(poly + x**2 * u**2 + y**2 * v**2,))
     assert disagreements([], [empty], *at) == []
+
+
+@pytest.mark.slow
+def test_joint_values_that_depend_on_each_other_are_stated_exactly():
+    arm = iiwa_with_offset()
+    form = closed_form(arm)
+    assert form.complete, form.gaps
+    family = next(f for f in form.families if set(f.joints) == {"joint_a2", "joint_a4"})
+    found = sorted(tuple(np.degrees([v[1], v[3]])) for v in family.values)
+    expected = [(0.0305, 0.0625), (1.2498, 179.9375), (178.7502, 179.9375), (179.9695, 0.0625)]
+    np.testing.assert_allclose(found, expected, atol=6e-5)
+    lines = {v.minimal for b in family.branches for v in b.values if v.joint == 3}
+    assert lines == {(5453, -10_000_000, 5453)}
+    rng = np.random.default_rng(1)
+    q = family.points(40, rng)
+    assert ratios(form.geometry.arm, q).max() < 1e-13
+    for q2, q4 in ((found[0][0], found[1][1]), (found[1][0], found[0][1])):  # roots that do not fit
+        q[:, 1], q[:, 3] = math.radians(q2), math.radians(q4)
+        assert ratios(form.geometry.arm, q).min() > 1e-9
+    assert any("snap-length 0.001" in line for line in form.hints)
+
+
+@pytest.mark.slow
+def test_a_system_of_as_many_equations_as_its_codimension_falls_into_parts():
+    """UR5, position: of three equations for q2 to q5 two are products but for the first.
+
+    What is left are four points (q4, q5) with q3 = 0, and a curve with q2 = 90 degrees.
+    """
+    arm = load("ur5", task="position")
+    form = closed_form(arm, seconds=300.0)
+    assert (form.complete, form.fully_decomposed) == (True, True)
+    points = next(f for f in form.families if "q3 = 0° and q4 = -130.419°" in f.text)
+    assert (len(points.branches), points.codimension) == (4, 3)
+    curve = next(f for f in form.families if f.text.startswith("q2 = ±90° and q3 = 0° or 180° and"))
+    assert (len(form.families), curve.codimension) == (4, 3)
+    rng = np.random.default_rng(2)
+    for family in (points, curve):
+        assert ratios(form.geometry.arm, family.points(40, rng)).max() < 1e-13
+    q = points.points(1, rng)[0]
+    q[4] = -q[4]  # a value that goes with another one
+    assert ratios(form.geometry.arm, q[None]).min() > 1e-4
+
+
+@pytest.mark.slow
+def test_an_equation_with_a_single_real_point_is_no_surface():
+    """0.3 cos q2 + 0.2 cos(q2+q3) + 0.5 is zero at q2 = 180, q3 = 0 only, which q3 = 0 holds."""
+
+    def found(first, *others, tip):
+        rows = [Joint(d=0.4), Joint(alpha=RIGHT, a=first), *(Joint(a=a) for a in others)]
+        form = closed_form(build(rows, tip=(tip, 0, 0), task="position"))
+        assert form.complete
+        return form, [f.text for f in form.families]
+
+    form, texts = found(0.5, 0.3, tip=0.2)
+    assert (form.dropped, texts) == (1, ["q3 = 0° or 180°"])
+    # A little longer, and the surface is there.
+    form, _ = found(0.4, 0.3, tip=0.2)
+    assert [f.codimension for f in form.families] == [1, 1]
+    # A little shorter, and it is not.
+    assert len(found(0.6, 0.3, tip=0.2)[1]) == 1
+    form, texts = found(0.6, 0.3, 0.2, tip=0.1)
+    assert (form.dropped, texts) == (1, ["q3 = 0° or 180° and q4 = 0° or 180°"])
+    assert form.family_of([0.3, math.pi, 0, 0]) is not None
+    assert form.family_of([0.3, 3.0, 0.1, 0.2]) is None
+
+
+@pytest.fixture
+def ring():
+    return make_ring((False, False, False))
+
+
+def test_finite_systems(ring):
+    x1, y1, x2, y2, *_ = ring.context.gens()
+    time = Budget(30.0)
+    circle = y1**2 * x2**2 + y2**2 * x1**2 - 5 * x1**2 * x2**2  # t1^2 + t2^2 = 5
+    product = y1 * y2 - 2 * x1 * x2  # t1 t2 = 2
+    found = real_solutions([circle, product], ring, time)
+    tangents = sorted((float(s[0].ball), float(s[1].ball)) for s in found)
+    assert tangents == [(-2, -1), (-1, -2), (1, 2), (2, 1)]
+    assert all(v.exact(False) is not None for s in found for v in s.values())
+    golden = y1**2 - x1 * y1 - x1**2
+    found = real_solutions([golden, y1 * x2 - x1 * y2 * 3], ring, time)
+    assert (len(found), {s[0].minimal for s in found}) == (2, {(-1, -1, 1)})
+    assert not real_solutions([circle, y1 * y2 - 3 * x1 * x2], ring, time)  # complex only
+    assert not real_solutions([golden, y1 - 2 * x1], ring, time)
+    # x = 0 is an angle as good as any other.
+    (both,) = real_solutions([x1, x2], ring, time)
+    assert both[0].angle() == both[1].angle() == math.pi
+    with pytest.raises(NotFinite):
+        real_solutions([product], ring, time)
+    # Double zeros count once.
+    (once,) = real_solutions([(y1 - x1) ** 2, (y2 * x1 - y1 * x2) ** 2], ring, time)
+    assert float(once[1].ball) == 1.0
+
+
+def test_finite_systems_with_square_roots():
+    root = cosine(3)  # sqrt(2) / 2
+    ring = make_ring((False, False), [root], Budget(30.0))
+    x1, y1, x2, y2, *_ = ring.context.gens()
+    p = ring.reduce(y1 - ring.number(root) * x1)
+    g = y2 * x1 - y1 * x2
+    (found,) = real_solutions([p, g], ring, Budget(30.0))
+    assert float(found[1].ball) == pytest.approx(math.sqrt(0.5))
+
+
+def test_signs(ring):
+    x1, y1, x2, y2, *_ = ring.context.gens()
+    time = Budget(30.0)
+    assert changes_sign(y1 * x2 - 2 * x1 * y2, ring)
+    square = (y1 * x2 - 2 * x1 * y2) ** 2
+    sum_of_squares = square + (y1 - x1) ** 2 * (x2**2 + y2**2)
+    assert not changes_sign(sum_of_squares, ring)
+    assert semidefinite(sum_of_squares, ring, time)
+    (zero,) = isolated_zeros(sum_of_squares, ring, time)
+    assert (float(zero[0].ball), float(zero[1].ball)) == (1.0, 0.5)
+    hidden = sum_of_squares * 1000 - (x1**2 + y1**2) * (x2**2 + y2**2)  # negative nearby
+    assert not semidefinite(hidden, ring, time)
+
+
+def test_boundary_or_interior_is_said_of_each_piece():
+    """The stretched arm is at the boundary of its workspace, the folded one is not."""
+    form = closed_form(load("planar3r", task="position"))
+    (family,) = form.families
+    assert family.kind == "varies"
+    boundary, interior = family.kinds
+    assert (boundary.kind, boundary.where) == ("boundary", "q2 = 0° and q3 = 0°")
+    assert interior.kind == "interior"
+    text = families_text(form)
+    assert "boundary at q2 = 0" in text.replace("\u00a0", " ")
+    puma = closed_form(load("puma560"))
+    assert [f.kind for f in puma.families] == ["boundary", "interior", "boundary"]
+
+
+def test_a_rounded_limit_is_met():
+    """Limits of 1.570796325, 1.8e-9 short of 90 degrees, as a published PUMA has them."""
+
+    def arm(theta, upper, task="pose"):
+        second = Joint(alpha=RIGHT, theta=theta, limits=(0.1, upper))
+        return build([Joint(d=0.4), second, Joint(alpha=-RIGHT, a=0.3)], task=task)
+
+    cases = (0, 1.570796325), (RIGHT, 1.570796325), (RIGHT, 1.5)  # the last is 4 degrees short
+    forms = [closed_form(arm(*case, "orientation")) for case in cases]
+    (plain,), (family,), (beyond,) = (form.families for form in forms)
+    assert plain.text == "q2 = 0° or 180°"
+    assert (family.text, family.reachability) == ("q2 = ±90°", "at the joint limit")
+    assert family.is_reachable
+    for words in ("1.570796327", "1.570796325", "1.8e-09"):
+        assert words in family.limits_met[0]
+    assert beyond.reachability == "not reachable"
+    values = sweep(arm(*cases[0]), levels=1, samples=20).plan.effects[1].special
+    assert np.isclose(values, RIGHT, atol=1e-8).any()
+
+
+def test_an_analysis_gives_what_it_has_when_the_time_is_up():
+    arm = load("iiwa14")
+    found = analyze(arm, seconds=0.01)
+    assert found.missing
+    assert "time of 0.01 s was up" in analysis_text(found).replace("\u00a0", " ")
+
+
+def test_ctrl_c_keeps_the_closed_forms(monkeypatch):
+    def interrupted(*args: object, **rest: object) -> None:
+        raise KeyboardInterrupt
+
+    module = sys.modules["pinsing.sampling.analyze"]
+    monkeypatch.setattr(module, "singular_configurations", interrupted)
+    found = analyze(load("stanford"), seconds=120.0)
+    assert len(found.families) == 3
+    assert found.missing[0] == "findings of the sweep: stopped before its end"
+    assert not found.findings
+    assert not found.problems
+    stages = Stages(60.0)
+
+    def stage() -> int:
+        raise KeyboardInterrupt
+
+    assert (stages.run("first", stage, 7), stages.run("second", lambda: 1, 0)) == (7, 0)
+    assert stages.missing == ["first: stopped before its end", "second: not begun, stopped"]

@@ -1,27 +1,28 @@
-"""Families: membership, distance, samples, limits."""
+"""Families: membership, distance, samples, limits, and names where the geometry warrants them."""
 
+import math
+import re
 from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from arms import place, serial
-from singular_sets import RIGHT, ROBOTS, Array, Joint, arm_of, build, closed
+from arms import differences, place, serial
+from dh_arms import CRX, dh_arm
+from public import script
+from singular_sets import RIGHT, ROBOTS, Joint, arm_of, build, closed
 from tiers import tiered, tiered_rows
 
 import pinsing
-from pinsing import load
-from pinsing.errors import ConfigurationError
-from pinsing.families import ClosedForm, Family, closed_form
+from pinsing.description.catalog import data_folder
+from pinsing.description.urdf import read_description
+from pinsing.errors import ConfigurationError, PinsingError, ResultError, UnknownNameError
+from pinsing.families import ClosedForm, closed_form
+from pinsing.measures import Reachability
+from pinsing.robot.load import load
+from pinsing.robot.models import build_model
 
 EQUATIONS = [("puma560", 2), ("ur5", 2), ("surgical7", 3), ("xarm7", 2), ("so101", 1)]
-
-
-def offset(family: Family, a: Array, b: Array) -> Array:
-    """Differences of joint vectors as ``distance`` counts them."""
-    d = a - b
-    wrapped = d - 2 * np.pi * np.round(d / (2 * np.pi))
-    return np.where(family.prismatic, d / family.length_scale, wrapped)
 
 
 @pytest.mark.parametrize(("name", "index"), tiered_rows(EQUATIONS, EQUATIONS[:3]))
@@ -63,11 +64,6 @@ def test_tolerance_of_contains_is_a_distance(name: str) -> None:
         np.testing.assert_array_equal(inside[clear], (gaps < 1e-3)[clear])
 
 
-def elbow(low: float, high: float) -> ClosedForm:
-    links = [Joint(), Joint(a=0.4, limits=(low, high))]
-    return closed_form(build(links, (0.3, 0.0, 0.0), "position"))
-
-
 @pytest.mark.parametrize(
     ("low", "high", "reachable"),
     [
@@ -77,7 +73,8 @@ def elbow(low: float, high: float) -> ClosedForm:
     ],
 )  # fmt: skip
 def test_joint_values_within_limits(low: float, high: float, reachable: bool) -> None:
-    (family,) = elbow(low, high).families
+    links = [Joint(), Joint(a=0.4, limits=(low, high))]
+    (family,) = closed_form(build(links, (0.3, 0.0, 0.0), "position")).families
     assert family.is_reachable is reachable
     assert family.reachability == ("reachable" if reachable else "not reachable")
     inside = family.sample(9, np.random.default_rng(1))
@@ -89,18 +86,10 @@ def test_joint_values_within_limits(low: float, high: float, reachable: bool) ->
     assert len(family.points(9, np.random.default_rng(1))) == 9
 
 
-def shoulder(limits: tuple[float, float]) -> Family:
-    """The locus 0.15 + 0.6 cos q2 + 0.5 cos(q2+q3) = 0 of an arm whose shoulder is offset."""
-    arm = build(
-        [Joint(), Joint(RIGHT, 0.15, limits=limits), Joint(a=0.6, limits=limits)],
-        (0.5, 0.0, 0.0),
-        "position",
-    )
-    return next(f for f in closed_form(arm).families if f.equations)
-
-
 def test_a_family_without_real_points_says_so() -> None:
-    family = shoulder((-3.0, 3.0))
+    """The locus 0.15 + 0.6 cos q2 + 0.5 cos(q2+q3) = 0 of an arm whose shoulder is offset."""
+    arm = build([Joint(), Joint(RIGHT, 0.15), Joint(a=0.6)], (0.5, 0.0, 0.0), "position")
+    family = next(f for f in closed_form(arm).families if f.equations)
     (branch,) = family.branches
     (equation,) = branch.equations
     lifted = replace(equation, cos=np.where(equation.cos == 0.15, 5.0, equation.cos))
@@ -124,8 +113,8 @@ def test_a_value_beyond_the_drawn_range_is_reached_where_no_limit_ends_it(
 ):
     """A turn and a slide along x; the tip is on the axis where d2 = -offset."""
     joints = [(pin.JointModelRZ(), place(), -3, 3), (pin.JointModelPX(), place(), lower, upper)]
-    arm = pinsing.load(serial(joints, place((offset, 0, 0))), tip="tip", task="vx,vy")
-    (family,) = pinsing.closed_form(arm).families
+    arm = load(serial(joints, place((offset, 0, 0))), tip="tip", task="vx,vy")
+    (family,) = closed_form(arm).families
     assert family.reachability.name == ("INSIDE" if reached else "OUTSIDE")
     q = np.array([0.3, -offset])
     assert bool(family.contains(q))
@@ -134,3 +123,126 @@ def test_a_value_beyond_the_drawn_range_is_reached_where_no_limit_ends_it(
     assert len(drawn) == (5 if reached else 0)
     assert np.all(drawn[:, 1] == -offset)
     assert family.value_reach[0].reachability is family.reachability
+
+
+SCARA = [
+    (0, 0.25, 0.35, 0, "revolute", (-152, 152)), (0, 0.225, 0, 0, "revolute", (-142, 142)),
+    (0, 0, 0, 0, "prismatic", (-0.2, 0)), (0, 0, 0),
+]  # fmt: skip
+
+
+@pytest.mark.slow
+def test_the_value_inside_is_named() -> None:
+    (elbow,) = closed_form(dh_arm(SCARA)).families
+    assert elbow.reachability is Reachability.INSIDE
+    assert elbow.reach == "within the joint limits with q2 = 0° (not 180°)"
+    turned = replace(elbow, lower=elbow.lower + math.tau, upper=elbow.upper + math.tau)
+    assert turned.reach == "within the joint limits with q2 = 360° (not 180°)"
+    assert [(v.joint, v.value, v.reachability) for v in elbow.value_reach] == [
+        (1, 0.0, Reachability.INSIDE),
+        (1, pytest.approx(math.pi), Reachability.OUTSIDE),
+    ]
+
+
+UR = {"shoulder": "wrist center above the base axis"}
+
+
+def titles(arm: pinsing.Arm) -> dict[str, str]:
+    """Title and condition of the families that have one."""
+    return {f.title: f.where() for f in closed_form(arm, prove=False) if f.title}
+
+
+def unproven(name: str) -> ClosedForm:
+    return closed_form(load(name), prove=False)
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted"),
+    [
+        ("ur5", UR | {"wrist": "wrist_2_joint = 0° or 180°", "elbow": "elbow_joint = 0° or 180°"}),
+        ("puma560", UR | {"wrist": "q5 = 0°", "elbow": "q3 = -87.3084°"}),
+        ("irb1400", UR | {"wrist": "q5 = 0°", "elbow": "q3 = -80.5377° or 99.4623°"}),
+        ("z1", UR | {"wrist": "joint5 = ±90°", "elbow": "joint3 = 14.653° or -165.347°"}),
+        ("kinova", UR | {
+            "wrist": "j2s6s200_joint_5 = 180°", "elbow": "j2s6s200_joint_3 = 180°",
+        }),
+        ("stanford", {"wrist": "q5 = 0° or 180°", "shoulder": "q2 = 0° or 180°"}),
+        ("iiwa14", {
+            "elbow": "q4 = 0°", "shoulder": "q2 = 0° and q3 = ±90°",
+            "wrist": "q5 = ±90° and q6 = 0°",
+        }),
+        *((name, {}) for name in ("surgical7", "scara", "planar3r", "panda", "xarm7", "so101")),
+    ],
+)  # fmt: skip
+def test_catalogue(name: str, wanted: dict[str, str]) -> None:
+    assert titles(load(name)) == wanted
+
+
+@pytest.mark.slow
+def test_negatives() -> None:
+    assert titles(dh_arm(CRX)) == titles(load("puma560", task="position")) == {}
+    slide = (90, 0, 0, 0, "prismatic")
+    gantry = dh_arm([slide, slide, slide, (90, 0, 0), (-90, 0, 0), (0, 0, 0)])
+    assert titles(gantry) == {"wrist": "q5 = 0° or 180°"}
+
+
+NAMED = {
+    *("ur3", "ur5", "ur10", "z1_description", "b1_description", "kinova", "anymal"),
+    *("romeo", "iCub", "simple_humanoid", "simple_humanoid_classical", "talos", "so_arm100"),
+    "so101_new_calib",
+}
+ELBOW = re.compile("elbow|joint_?3 |LARM_ELBOW|RARM_ELBOW|q3", re.IGNORECASE)
+
+
+@pytest.mark.slow
+def test_chains_of_example_robot_data() -> None:
+    named = {}
+    for path in sorted(data_folder().rglob("*.urdf")):
+        try:
+            model = build_model(read_description(path))
+            for tip, base, _ in script("oracle.survey").all_chains(model, []):
+                arm = load(path, tip=tip, base=base)
+                if arm.n in (6, 7) and (found := titles(arm)):
+                    named[arm.name, arm.tip] = found
+        except PinsingError:
+            continue
+    for found in named.values():
+        assert "elbow" not in found or ELBOW.search(found["elbow"])
+    assert {robot for robot, _ in named} == NAMED, named
+
+
+def test_lookup_and_json() -> None:
+    form = unproven("ur5")
+    assert form["wrist"] is form["F2"]
+    assert all(name in form for name in ("wrist", "F2", form["F2"]))
+    assert not any(name in form for name in ("Wrist", "F4", "", 2))
+    assert [f.name for f in form] == ["F1", "F2", "F3"]
+    with pytest.raises(UnknownNameError, match="elbow"):
+        form["elbo"]
+    again = pinsing.ClosedForm.from_json(form.to_json())
+    assert again["shoulder"].name == "F3"
+    q = np.array([0, -1.2, 1.3, -1, np.pi, 0])
+    assert form["wrist"].where(q) == "wrist_2_joint = 180°"
+
+
+@pytest.mark.parametrize("name", ["ur5", "stanford", "iiwa14"])
+def test_gradients(name: str) -> None:
+    form = unproven(name)
+    q = np.random.default_rng(1).uniform(-1.5, 1.5, form.families[0].n)
+    for family in form:
+        wanted = differences(lambda x, f=family: f.distance(x).upper, q, 1e-2)
+        assert np.allclose(family.gradient(q), wanted, atol=2e-3)
+        assert not family.gradient(family.generic).any()
+    quick = pinsing.clearance(form, q)
+    wanted = differences(lambda x: float(pinsing.clearance(form, x).lower), q, 1e-4)
+    assert np.allclose(quick.gradient, wanted, atol=1e-6)
+    sharp = pinsing.clearance(form, q, certify=True)
+    assert np.allclose(sharp.gradient, form[str(sharp.nearest)].gradient(q), atol=1e-3)
+    again = pinsing.Clearance.from_json(quick.to_json())
+    with pytest.raises(ResultError, match="compute it again"):
+        _ = again.gradient
+
+
+def test_a_value_is_told_by_whole_turns_within_the_limits() -> None:
+    said = unproven("xarm7")["F2"].where()
+    assert said == "joint4 = 184.9328° and joint6 = -6.9298°"

@@ -1,19 +1,19 @@
-"""Closed forms against finite fields: an oracle that knows nothing of the search.
-
-scripts/oracle runs thousands of chains; here are sixty, the one that once was answered
-wrongly, and proof that a wrong answer is noticed.
-"""
+"""Closed forms against finite fields and real points: oracles that know nothing of the search."""
 
 from dataclasses import replace
-from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from public import script
+from tiers import tiered
+from urdf_text import X, Y, Z, chain_text
 
+import pinsing
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import decompose
+from pinsing.algebra.jacobian_matrix import corner
 from pinsing.algebra.ring import make_ring
 from pinsing.families import closed_form
 from pinsing.postures import aspects
@@ -24,9 +24,7 @@ GROUPS, CHAINS = 30, 2
 oracle, field, chains = (script(f"oracle.{name}") for name in ("run", "field", "chains"))
 
 
-@pytest.mark.parametrize(
-    "group", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, GROUPS))]
-)
+@pytest.mark.parametrize("group", tiered(range(GROUPS), {0}))
 def test_random_structured_chains_have_no_false_claim(group):
     for seed in range(group, GROUPS * CHAINS, GROUPS):
         outcome = oracle.judged(chains.random_spec(seed), seed, seconds=1.0, points=2_000)
@@ -63,9 +61,7 @@ def test_the_oracle_of_real_points_moves_as_pinocchio_does():
         assert points.jacobians(spec, q[None])[0] == pytest.approx(J, abs=1e-12)
 
 
-@pytest.mark.parametrize(
-    "seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 20))]
-)
+@pytest.mark.parametrize("seed", tiered(range(20), {0}))
 def test_singular_points_that_newton_finds_are_on_families(seed):
     outcome = oracle.judged(chains.strange_spec(seed), seed, seconds=2.0, real=True)
     assert outcome.verdict in ("complete", "not complete", "no motion"), outcome
@@ -101,7 +97,7 @@ def test_a_chain_once_answered_with_four_components_missing():
         assert form.family_of(q) is not None
 
 
-@pytest.mark.parametrize("name", ["puma560", pytest.param("iiwa14", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", tiered(["puma560", "iiwa14"], {"puma560"}))
 def test_a_family_that_is_dropped_or_too_large_is_noticed(name):
     arm = load(name)
     form = closed_form(arm)
@@ -118,12 +114,10 @@ def test_a_family_that_is_dropped_or_too_large_is_noticed(name):
         others = [p for k, p in enumerate(parts) if k != i]
         assert "missed" in against(others)
         if part.values:
-            joint = next(iter(part.values))
-            less = {j: v for j, v in part.values.items() if j != joint}
-            wider = [*others, replace(part, values=less)]
+            less = {"values": dict([*part.values.items()][1:])}
         else:
-            wider = [*others, replace(part, relations=part.relations[1:])]
-        assert "false" in against(wider)
+            less = {"relations": part.relations[1:]}
+        assert "false" in against([*others, replace(part, **less)])
     assert "rank" in against(parts, rank - 1)
 
 
@@ -139,8 +133,7 @@ def test_a_place_that_is_singular_without_a_zero_matrix_is_found():
     matrix = [[a, b, c], [k * a, second, third]]
     found = decompose(lambda: matrix, 2, ring, Budget(60.0))
     assert not found.gaps
-    zero = (Fraction(1), Fraction(0))
-    assert any(part.values == {0: zero, 1: zero} for part in found.components)
+    assert any(part.values == {0: (1, 0), 1: (1, 0)} for part in found.components)
 
 
 def test_rank_modulo_a_prime():
@@ -153,3 +146,90 @@ def test_rank_modulo_a_prime():
             found = field.ranks(matrices, 47)
             assert found.max() == rank
             assert (found < rank).mean() < 0.1
+
+
+TASK = "vx,vy,vz,wz"
+OFFSET_WRIST = str(Path(__file__).parents[2] / "examples" / "offset_wrist.dh.yaml")
+TOOL = ((0.06, 0.02, 0.12),)
+"""Off the flange's axis, so that the last joint matters, too."""
+WITH_TOOLS = {
+    "three parallel axes and a tool": [
+        ((0, 0, 0.09), Z), ((0, 0.12, 0), Y), ((0, -0.09, 0.425), Y), ((0, 0, 0.39), Y),
+        ((0, 0.08, 0), Z), ((0, 0, 0.095), Y), TOOL,
+    ],
+    "offset wrist and a tool": [
+        ((0, 0, 0.3), Z), ((0.1, 0, 0), Y), ((0, 0, 0.5), Y), ((0.05, 0, 0.1), X),
+        ((0.4, 0, 0.03), Y), ((0.07, 0, 0.02), X), TOOL,
+    ],
+}  # fmt: skip
+"""Places of the joints, metres, each seen from the one before, and their axes."""
+ARMS = ("stanford", "ur5", "irb1400", "kinova", "z1", OFFSET_WRIST, *WITH_TOOLS)
+SECONDS = 300.0
+"""More than enough on a busy machine; idle it takes 1 to 8 s."""
+
+
+def _name(source: str) -> str:
+    return Path(source).stem.removesuffix(".dh")
+
+
+@pytest.fixture(scope="module", params=tiered(list(ARMS), ("stanford",)), ids=_name)
+def found(request):
+    source = request.param
+    if source in WITH_TOOLS:
+        *turning, tool = WITH_TOOLS[source]
+        source = chain_text([*(("continuous", *row) for row in turning), ("fixed", *tool)])
+    arm = pinsing.load(source, task=TASK)
+    return arm, pinsing.closed_form(arm, seconds=SECONDS, prove=False)
+
+
+@pytest.mark.slow
+def test_finite_fields_say_the_same(found):
+    arm, form = found
+    components = [c for f in form.families for c in f.components] + list(form.left_out)
+
+    def missed(stated):
+        """At how many of six primes a singular point is on none of these."""
+        primes = field.PRIMES + field.MORE_PRIMES
+        rows = arm.task.rows
+        told = [*field.verdicts(form.geometry, rows, 4, stated, 40_000, 0, primes)]
+        # With slices the search states equations and asks points of them for their rank,
+        assert not form.slice_count or any("some regular configurations" in h for h in form.hints)
+        assert all((form.slice_count or not len(v.false)) and v.rank == 4 for v in told)
+        return sum(len(v.missed) > 0 for v in told)
+
+    # A prime may divide a sum of lengths (161 mm of the Z1 by 23), and then makes a special arm
+    # of it: not most of them.
+    assert missed(components) <= 2
+    one_less = [c for c in components if c is not components[0]]
+    if components[0].codimension < 3:  # one of three is met too seldom
+        assert missed(one_less) >= 4
+
+
+def test_a_corner_beside_which_rows_are_zero():
+    ring = make_ring((True,) * 4)
+    a, b, c, d = (ring.context.gens()[ring.variables(j)[0]] for j in range(4))
+    zero = ring.zero
+    matrix = [[zero, a + b, b, c], [a, zero, b, d], [zero, zero, zero, c]]
+    found = corner(matrix, ring, Budget(9))
+    assert (found.rows, found.columns) == ((1,), (0,))  # beside it all other rows are zero
+    assert (found.determinant, found.rest) == (a, [[a + b, b, c], [zero, zero, c]])
+    assert corner([[a, b], [c, d]], ring, Budget(9)) is None
+
+
+def test_the_regular_part_of_a_system_is_searched(rng):
+    """Inside x (y + z) = 0 and x (y - w) = 0 the part x = 0 is singular, and a curve is not all."""
+    ring = make_ring((True,) * 4)
+    x, y, z, w = (ring.context.gens()[ring.variables(j)[0]] for j in range(4))
+    matrix = [[x, y + z, ring.zero], [ring.zero, x * (z - 1), y - w]]
+    result = decompose(lambda: matrix, 2, ring, Budget(60))
+    assert not result.gaps
+    for _ in range(2000):
+        point = [int(v) for v in rng.integers(-2, 3, 4)]
+        values = [[0 if e == 0 else int(str(e(*point))) for e in row] for row in matrix]
+        singular = np.linalg.matrix_rank(np.array(values, dtype=float)) < 2
+        on = any(
+            all(point[j] == v[0] for j, v in c.values.items())
+            and all(r(*point) == 0 for r in c.relations)
+            for c in result.components
+        )
+        assert on == singular, point

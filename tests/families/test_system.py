@@ -2,18 +2,21 @@
 
 import functools
 import re
+import shutil
+import subprocess
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
-from arms import place, planar, serial
+from arms import planar
 from command_line import run
-from test_closed_form_mimic import finger, follows
-from test_closed_form_twists import HOLLOW, arm_of
+from dh_arms import HOLLOW, dh_arm, form_of
+from singular_sets import finger
 from tiers import tiered
+from urdf_text import Z, chain_text, follows
 
 import pinsing
+from pinsing.robot.nominal import nominal
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -21,14 +24,6 @@ def _sympy():
     """Most of a second, for these tests alone."""
     global sympy
     import sympy
-
-
-EXACT = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15}
-
-
-@pytest.fixture(scope="module")
-def forms():
-    return {name: pinsing.closed_form(pinsing.load(name)) for name in ("ur5", "stanford", "panda")}
 
 
 def read(text, language):
@@ -116,7 +111,7 @@ def agree(form, count=8):
     return names, systems, at
 
 
-def solved(form, name, polys, names, at, rng):
+def solved(form, polys, names, at, rng):
     """A configuration where polynomials vanish, by least squares from a random one."""
     from scipy.optimize import least_squares
 
@@ -129,7 +124,8 @@ def solved(form, name, polys, names, at, rng):
         return np.array(f([values[n] for n in names]), dtype=float)
 
     for _ in range(30):
-        found = least_squares(residual, rng.uniform(-2, 2, len(form.symbols)), **EXACT)
+        start = rng.uniform(-2, 2, len(form.symbols))
+        found = least_squares(residual, start, xtol=1e-15, ftol=1e-15, gtol=1e-15)
         if np.abs(found.fun).max() < 1e-9:
             return found.x
     return None
@@ -137,26 +133,26 @@ def solved(form, name, polys, names, at, rng):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", tiered(["ur5", "stanford", "panda"], ("stanford", "panda")))
-def test_equations_vanish_on_the_families_and_nowhere_else(forms, name):
-    form = forms[name]
+def test_equations_vanish_on_the_families_and_nowhere_else(name):
+    form = form_of(name)
     names, systems, at = agree(form)
     rng = np.random.default_rng(5)
     for family in form.families:
         for polys in systems_of(systems, family):
-            q = solved(form, family.name, polys, names, at, rng)
+            q = solved(form, polys, names, at, rng)
             assert q is not None, family
             assert family.contains(q, tol=1e-4), (family, q)
 
 
 @pytest.mark.parametrize("language", ["singular", "maple", "sage"])
-def test_all_languages_say_the_same(forms, language):
-    form = forms["panda"]
+def test_all_languages_say_the_same(language):
+    form = form_of("panda")
     assert read(form.system(language), language) == read(form.system(), "singular")
 
 
 @pytest.mark.slow
-def test_several_systems_for_msolve_are_told_apart_by_a_number(forms):
-    form = forms["panda"]
+def test_several_systems_for_msolve_are_told_apart_by_a_number():
+    form = form_of("panda")
     names, systems = read(form.system(families=["F4"]), "singular")
     assert read(form.system("msolve", families=["F4"]), "msolve") == (names, {"": systems["F4"]})
     names, systems = read(form.system(), "singular")
@@ -174,13 +170,10 @@ def test_several_systems_for_msolve_are_told_apart_by_a_number(forms):
 
 
 def test_joints_turned_about_their_axes_are_said_to_be():
-    turns = [(0.0, 0.0), (0.3, 0.5), (np.pi / 2, 0.4), (0.2, 0.3)]
-    places = [
-        place((x, 0.1 * i, 0), pin.utils.rotate("z", turn)) for i, (turn, x) in enumerate(turns)
-    ]
-    joints = [(pin.JointModelRZ(), at) for at in places]
-    model = serial(joints, place((0.2, 0, 0)), -3, 3, "turned")
-    form = pinsing.closed_form(pinsing.load(model, tip="tip", task="vx,vy,wz"))
+    rows = (0, 0, 0), (0.3, 0.5, 0.1), (np.pi / 2, 0.4, 0.2), (0.2, 0.3, 0.3)
+    joints = [("revolute", (x, y, 0), Z, (0, 0, turn)) for turn, x, y in rows]
+    arm = pinsing.load(chain_text([*joints, ("fixed", (0.2, 0, 0))]), task="vx,vy,wz")
+    form = pinsing.closed_form(arm)
     agree(form)
     assert re.search(r"cos\(q\d [+-] 0\.\d+\)", form.system())
 
@@ -194,20 +187,20 @@ def test_half_angles_followers_and_square_roots():
     form = pinsing.closed_form(finger(mimic=follows(2, 2, 0.3)).with_task("vx,vy"))
     assert form.families
     agree(form)
-    form = pinsing.closed_form(arm_of(HOLLOW))
+    form = pinsing.closed_form(dh_arm(HOLLOW))
     names, systems, _ = agree(form, count=3)
     assert "r3" in names
     assert "meant are solutions with r3 > 0 alone" in form.system()
     assert all(any(str(p) == "r3**2 - 3" for p in polys) for polys in systems.values())
 
 
-def test_names_with_line_breaks_stay_within_their_comment(forms):
-    form = forms["stanford"]
+def test_names_with_line_breaks_stay_within_their_comment():
+    form = form_of("stanford")
     odd = replace(form, arm=replace(form.arm, name="a\nideal F1 = 1;", tip="t\rquit;"))
     assert read(odd.system(), "singular") == read(form.system(), "singular")
 
 
-def test_the_command_writes_what_the_library_says(tmp_path, forms):
+def test_the_command_writes_what_the_library_says(tmp_path):
     def wrote(file, *more):
         words = ["families", "stanford", "--no-prove", "-o", str(tmp_path / file), *more]
         done = run(*words)
@@ -217,8 +210,125 @@ def test_the_command_writes_what_the_library_says(tmp_path, forms):
     done, text = wrote("stanford.sing", "--family", "F2")
     assert "q5 = 0° or 180°" in done.stdout
     assert f"wrote {tmp_path / 'stanford.sing'}" in done.stderr
-    assert read(text, "singular") == read(forms["stanford"].system(families=["F2"]), "singular")
+    assert read(text, "singular") == read(form_of("stanford").system(families=["F2"]), "singular")
     assert "robot stanford, base base_link, tip tool0, task pose" in text
     done, text = wrote("stanford.ms")  # what has no place in the file
     assert "1 = F1, 2 = F2, 3 = F3" in done.stderr
     assert text.startswith("k,c2,s2,d3,c5,s5\n0\n")
+
+
+# Singular, a program that we have no part in, is asked what we claim: the dimension of each family,
+# and that the determinant of the Jacobian, which it multiplies out itself from the placements of
+# the joints, vanishes on the families and nowhere else.
+PROGRAM = shutil.which("Singular")
+needs_singular = pytest.mark.skipif(PROGRAM is None, reason="Singular is not installed")
+
+
+def asked(text, *more):
+    """What Singular prints after it has read a file and some commands, line by line."""
+    run = subprocess.run(
+        [PROGRAM, "-q", "--no-rc"],
+        input="\n".join([text, *more, "quit;", ""]),
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    lines = [line for line in run.stdout.splitlines() if line and not line.startswith("// **")]
+    assert not [line for line in lines if "?" in line], lines  # so it begins its errors
+    return lines
+
+
+def ideals(text):
+    return re.findall(r"^ideal (\w+) =", text, re.M)
+
+
+ASKED = ["ur5", "puma560", "stanford", "iiwa14", "panda", "surgical7", "with square roots"]
+
+
+@needs_singular
+@pytest.mark.parametrize("name", ASKED)
+def test_dimensions(name):
+    form = form_of(name) if name in ASKED[:-1] else pinsing.closed_form(dh_arm(HOLLOW))
+    text = form.system()
+    told = asked(text, *(f"dim(std({k}));" for k in ideals(text)))
+    names = re.search(r"^ring R = 0,\(([^)]*)\),dp;", text, re.M)[1].split(",")
+    joints = sum(n[0] in "cd" for n in names)
+    for family in form.families:
+        own = [int(d) for k, d in zip(ideals(text), told, strict=True) if k.startswith(family.name)]
+        assert max(own) == joints - family.codimension
+
+
+MULTIPLIED = """
+proc inv(matrix T) {
+  matrix V[4][4]; int a; int b; V[4,4] = 1;
+  for (a=1; a<=3; a++) {
+    for (b=1; b<=3; b++) { V[a,b] = T[b,a]; V[a,4] = V[a,4] - T[b,a]*T[b,4]; }
+  }
+  return(V); }
+proc low(matrix T, ideal K) {
+  matrix V = matrix(reduce(ideal(T),K),nrows(T),ncols(T)); return(V); }
+"""
+
+
+def determinant_in_singular(arm):
+    """Commands that leave the determinant of the Jacobian in ``D``, from placements and motions."""
+    exact = nominal(arm)
+    quarter = np.round(exact.offset / (np.pi / 2)).astype(int)
+    assert np.abs(exact.offset - quarter * np.pi / 2).max() < 1e-12
+    variables, circles, out = [], [], []
+    for j, slides in enumerate(exact.prismatic, 1):
+        variables += [f"d{j}"] if slides else [f"c{j}", f"s{j}"]
+        circles += [] if slides else [f"c{j}^2+s{j}^2-1"]
+    out.append(f"ring J = 0,({','.join(variables)}),dp;")
+    out.append(MULTIPLIED)
+    out.append(f"ideal K = std(ideal({','.join(circles)}));")
+
+    def placed(i):
+        rows = [[*map(str, exact.rotation[i][r]), str(exact.translation[i][r])] for r in range(3)]
+        return ",".join(x for row in [*rows, ["0", "0", "0", "1"]] for x in row)
+
+    def moved(j):
+        if exact.prismatic[j - 1]:
+            return f"1,0,0,0,0,1,0,0,0,0,1,d{j},0,0,0,1"
+        c, s = [
+            (f"c{j}", f"s{j}"), (f"-s{j}", f"c{j}"), (f"-c{j}", f"-s{j}"), (f"s{j}", f"-c{j}")
+        ][quarter[j - 1] % 4]  # fmt: skip
+        return f"{c},-({s}),0,0,{s},{c},0,0,0,0,1,0,0,0,0,1"
+
+    n, middle = arm.n, arm.n // 2
+    for j in range(1, n + 1):
+        out += [f"matrix P{j}[4][4] = {placed(j - 1)};", f"matrix M{j}[4][4] = {moved(j)};"]
+    out.append(f"matrix T{middle} = freemodule(4);")
+    for j in range(middle, n):
+        out.append(f"matrix T{j + 1} = low(T{j}*M{j}*P{j + 1},K);")
+    for j in range(middle - 1, 0, -1):
+        out.append(f"matrix T{j} = low(T{j + 1}*inv(low(M{j}*P{j + 1},K)),K);")
+    out.append(f"matrix A[6][{n}];")
+    for j, slides in enumerate(exact.prismatic, 1):
+        z = [f"T{j}[{r},3]" for r in (1, 2, 3)]
+        p = [f"T{j}[{r},4]" for r in (1, 2, 3)]
+        v = z if slides else [f"{p[a]}*{z[b]}-{p[b]}*{z[a]}" for a, b in ((1, 2), (2, 0), (0, 1))]
+        w = ["0"] * 3 if slides else z
+        out += [f"A[{r},{j}] = {x};" for r, x in enumerate([*v, *w], 1)]
+    out.append("A = low(A,K); poly D = reduce(det(A),K);")
+    return out
+
+
+@needs_singular
+@pytest.mark.parametrize("name", ["ur5", "puma560", "stanford"])
+def test_the_determinant_vanishes_on_the_families_and_nowhere_else(name):
+    form, arm = form_of(name), pinsing.load(name)
+    text = form.system()
+    commands = determinant_in_singular(arm)
+    # On each family; and a power of the product of their equations is a multiple of it.
+    commands.append("poly F = 1;")
+    for k in ideals(text):
+        commands.append(f"ideal G_{k} = imap(R,{k}); reduce(D,std(G_{k}+K)) == 0;")
+        commands.append(f"F = reduce(F*G_{k}[1],K);")
+    commands.append("reduce(F*F,std(K+ideal(D))) == 0; D == 0;")
+    # An equation less, or one of another length, is not the same: the check can fail.
+    commands.append("reduce((F/G_F1[1])^2,std(K+ideal(D))) == 0;")
+    commands.append("reduce(D,std(ideal(G_F1[1]+1/7)+K)) == 0;")
+    told = asked(text, *commands)
+    assert told == ["1"] * (len(ideals(text)) + 1) + ["0"] * 3

@@ -1,4 +1,4 @@
-"""How sure a closed form is: one word in all that a command prints, and a reason that is true."""
+"""Closed forms in words: how sure they are, in one word everywhere, and the list of families."""
 
 import itertools
 import json
@@ -6,11 +6,13 @@ import re
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from click.testing import Result
 from command_line import run
+from dh_arms import CRX, dh_arm
 from pages import baked
-from singular_sets import arm_of
+from singular_sets import arm_of, closed
 from tiers import tiered
 
 import pinsing
@@ -18,7 +20,7 @@ from pinsing.algebra import budget
 from pinsing.algebra.budget import Budget
 from pinsing.families import certificate
 from pinsing.families.certificate import prove_briefly, within
-from pinsing.families.form import certainty
+from pinsing.families.form import certainty, families_text
 from pinsing.proximity.monitor import make_guard
 
 
@@ -115,3 +117,33 @@ def test_a_search_that_failed_is_not_called_out_of_time(monkeypatch: pytest.Monk
     assert form.proof.reason == "a place could not be split"
     assert not form.proof.out_of_time
     assert "no certificate: a place could not be split" in " ".join(certainty(form).split())
+
+
+def test_names_of_joints_stand_before_the_families():
+    text = families_text(closed("ur5"))
+    assert text.index("joints: q1 = shoulder_pan_joint") < text.index("  F1  ")
+    assert text.count("shoulder_pan_joint") == 1
+    # where joints are called as their symbols are, there is nothing to say
+    assert "joints:" not in families_text(closed("stanford"))
+
+
+def test_half_angles_are_explained_where_they_are_printed():
+    """Upper arm and forearm are equally long, so that they fold at one value of q3."""
+    rows = [(*row[:2], 0.71) if row[2] == 0.54 else row for row in CRX]
+    equal_links = pinsing.closed_form(dh_arm(rows), prove=False)
+    assert equal_links.families[0].text == "q3 = 90°"
+    text = " ".join(families_text(equal_links).split())
+    assert "cos((3 q3)/2)" in text
+    assert "half of q3 in F2: equations are factors of a longer one" in text
+    assert "half of" not in families_text(closed("ur5"))
+    equation = equal_links.families[1].branches[0].equations[0]
+    q = np.array([0.3, 0.7, -1.1, 0.9, 1.3, 0.2])
+    here, there = equation(q), equation(q + 2 * np.pi * np.eye(6)[2])
+    assert abs(here) > 1e-3
+    assert there == pytest.approx(-here)
+
+
+@pytest.mark.slow
+def test_a_single_term_has_no_number():
+    form = pinsing.closed_form(pinsing.load("panda", task="position"), prove=False)
+    assert " and sin(q3+q5) = 0" in " ".join(str(form).split())
