@@ -1,7 +1,7 @@
 """Mechanisms that the tests share, and the paper's formulas of its 5R as an independent check."""
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -9,8 +9,15 @@ import pinocchio as pin
 from arms import URDF
 from node import ask
 
-from pinsing.loops import MechanismAnalysis, PoseEquation, PoseForms, analyze_mechanism
-from pinsing.loops.closure import at_zero, plane_normal
+from pinsing.loops import (
+    MechanismAnalysis,
+    PoseEquation,
+    PoseForms,
+    analyze_mechanism,
+    mechanism_at,
+    refine,
+)
+from pinsing.loops.closure import at_zero, plane_normal, random_closed, residual
 from pinsing.loops.pose_loci import variables_at
 from pinsing.robot.mechanism import Loop, Mechanism, load_mechanism
 from pinsing.view.mechanism_viewer import linkage_sizes, mechanism_data
@@ -60,6 +67,21 @@ def left_sides(
     """Left sides of the loci over the pose of a kind, by default of all, at q."""
     at = variables_at(mechanism, q)
     return [value(x.equation, at) for x in forms.loci if x.kind.startswith(kind)]
+
+
+def closed_and_refined(
+    mechanism: Mechanism, count: int, rng: np.random.Generator, *kinds: str
+) -> Iterator[tuple[str, np.ndarray, str]]:
+    """Random closed configurations, each before the singular ones that it is refined to.
+
+    Of each the kind that was asked for (none: as drawn), its joints, and the kind that it is of.
+    """
+    for q in random_closed(mechanism, count, rng):
+        yield "", q, mechanism_at(mechanism, q).kind
+        for kind in kinds:
+            there = refine(mechanism, q, kind).q
+            if np.abs(residual(mechanism, there)).max() <= 1e-9:
+                yield kind, there, mechanism_at(mechanism, there).kind
 
 
 def planar_tree(

@@ -94,6 +94,16 @@ def written(folder: Path, joints: Sequence[J], loops: str, name: str = "made") -
     return path
 
 
+def five_bar(feet: Sequence[float], crank: float, rod: float) -> list[J]:
+    """Cranks ``q1`` and ``q2`` on x, and rods on elbows ``b1`` and ``b2`` to frames P1 and P2."""
+    joints = []
+    for k, foot in enumerate(feet, 1):
+        joints.append(J(f"q{k}", "base", f"crank{k}", (foot, 0, 0)))
+        joints.append(J(f"b{k}", f"crank{k}", f"rod{k}", (crank, 0, 0)))
+        joints.append(frame(f"P{k}", f"rod{k}", (rod, 0, 0)))
+    return joints
+
+
 def ball(name: str, parent: str, child: str, at: Sequence[float] = ZERO, axes: str = "xyz"):
     """Three hinges in a point."""
     links = [parent, f"{name}_1", f"{name}_2", child]
@@ -101,6 +111,24 @@ def ball(name: str, parent: str, child: str, at: Sequence[float] = ZERO, axes: s
         J(f"{name}{a}", links[k], links[k + 1], at if k == 0 else ZERO, {"x": X, "y": Y, "z": Z}[a])
         for k, a in enumerate(axes)
     ]
+
+
+def carried(legs: Sequence[list[J]], ends: np.ndarray, whole: str = "") -> tuple[list[J], list]:
+    """Joints and loops of a platform whose points ``ends`` are on legs, each its own joints.
+
+    The first leg carries it by a hinge or, ``whole``, by a ball of that name, the others by loops.
+    """
+    ends = np.array([(*p, 0.0)[:3] for p in np.asarray(ends, dtype=float)])
+    joints, loops = [], []
+    for k, leg in enumerate(legs):
+        tip = leg[-1].child
+        joints += leg
+        if k:
+            joints.append(frame(f"on{k}", "platform", ends[k] - ends[0]))
+            loops.append((tip, f"on{k}"))
+        else:
+            joints += ball(whole, tip, "platform") if whole else [J("turn", tip, "platform")]
+    return [*joints, frame("out", "platform", -ends[0])], loops
 
 
 def stewart(
@@ -116,28 +144,18 @@ def stewart(
 
     The first leg carries the platform, with its frame ``out``. Its slides are driven by default.
     """
-    out: list[J] = []
-    loops = []
-    for k in range(len(base)):
-        if k in hanging:
-            continue
-        if spin:
-            out += ball(f"u{k}", "base", f"top{k}", base[k], axes)
-        else:
-            out.append(J(f"u{k}x", "base", f"cross{k}", base[k], X))
-            out.append(J(f"u{k}y", f"cross{k}", f"top{k}", ZERO, Y))
-        out.append(J(f"p{k}", f"top{k}", f"rod{k}", ZERO, Z, "prismatic", limits))
-        if k == 0:
-            out += ball("w", "rod0", "platform")
-        else:
-            out.append(frame(f"b{k}", "platform", platform[k] - platform[0]))
-            loops.append((f"rod{k}", f"b{k}"))
+
+    def leg(k: int, link: str, at: np.ndarray, along: Sequence[float]) -> list[J]:
+        cross = [J(f"u{k}x", link, f"cross{k}", at, X), J(f"u{k}y", f"cross{k}", f"top{k}", axis=Y)]
+        joint = ball(f"u{k}", link, f"top{k}", at, axes) if spin and k not in hanging else cross
+        return [*joint, J(f"p{k}", f"top{k}", f"rod{k}", ZERO, along, "prismatic", limits)]
+
+    standing = [k for k in range(len(base)) if k not in hanging]
+    legs = [leg(k, "base", base[k], Z) for k in standing]
+    out, loops = carried(legs, platform[standing], "w")
     for k in hanging:
-        out.append(J(f"u{k}x", "platform", f"cross{k}", platform[k] - platform[0], X))
-        out.append(J(f"u{k}y", f"cross{k}", f"top{k}", ZERO, Y))
-        out.append(J(f"p{k}", f"top{k}", f"rod{k}", ZERO, (0, 0, -1), "prismatic", limits))
+        out += leg(k, "platform", platform[k] - platform[0], (0, 0, -1))
         out.append(frame(f"a{k}", "base", base[k]))
         loops.append((f"rod{k}", f"a{k}"))
-    out.append(frame("out", "platform", -platform[0]))
     slides = [f"p{k}" for k in range(len(base))]
     return out, loop_text(loops, driven or slides, "out", home=dict.fromkeys(slides, 1.0))

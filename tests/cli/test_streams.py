@@ -86,8 +86,6 @@ def test_a_stream_that_others_have_set_not_to_wait(tmp_path: Path) -> None:
     assert text.rstrip().endswith(b"}")
 
 
-# Every command -------------------------------------------------------------------------
-
 SHORT = ("analyze", "planar3r", "--levels", "1", "--samples", "5")
 PRINTING = {
     "list --info": ("list", "planar3r"),

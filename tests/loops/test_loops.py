@@ -1,6 +1,3 @@
-import itertools
-from pathlib import Path
-
 import numpy as np
 import pytest
 from arms import differences
@@ -8,7 +5,6 @@ from mechanisms import (
     R1,
     R2,
     R3,
-    URDF,
     analyzed,
     circles,
     cross,
@@ -19,9 +15,9 @@ from mechanisms import (
     shipped,
 )
 from tiers import tiered
-from urdf_text import J, frame, loop_text, written
+from urdf_text import five_bar, loop_text, written
 
-from pinsing.errors import OptionError, PinsingError, RobotFileError
+from pinsing.errors import OptionError, PinsingError
 from pinsing.loops import (
     InfeasibleError,
     MechanismAnalysis,
@@ -71,14 +67,11 @@ def every() -> list[Mechanism]:
     return [*(shipped(name) for name in MODELS), welded(), four_bar(0.4, 0.1, 0.35, 0.3)]
 
 
-# -- the model -----------------------------------------------------------------------------------
-
-
 def test_jacobians_equal_finite_differences_of_closure_and_position(rng):
     for mechanism in every():
         loops = Loops(mechanism)
         for q in random_closed(mechanism, 4, rng):
-            G = Loops(mechanism).at(q)[1]
+            G = loops.at(q)[1]
             numeric = differences(lambda x, m=mechanism: residual(m, x), q)
             np.testing.assert_allclose(G, numeric, atol=1e-8)
             assert np.abs(G).max() > 0.1
@@ -87,17 +80,13 @@ def test_jacobians_equal_finite_differences_of_closure_and_position(rng):
                 np.testing.assert_allclose(loops.output(q)[1][:2], numeric[:2], atol=1e-8)
 
 
-# -- the paper's 5R ------------------------------------------------------------------------------
-
-
 def test_input_output_relation_holds_along_real_motions(rng):
     for mechanism in (shipped("five_bar"), shipped("planar_3rrr")):
         q = random_closed(mechanism, 4, rng)[-1]
         state = mechanism_at(mechanism, q)
-        A, B = input_output(mechanism, q)
-        np.testing.assert_allclose(A @ state.velocity, B, atol=1e-9)
-        A, B = leg_form(mechanism, q)
-        np.testing.assert_allclose(A @ state.velocity, B, atol=1e-9)
+        for relation in (input_output, leg_form):
+            A, B = relation(mechanism, q)
+            np.testing.assert_allclose(A @ state.velocity, B, atol=1e-9)
         np.testing.assert_allclose(np.linalg.norm(A, axis=1), 1)
 
 
@@ -117,14 +106,14 @@ def singular_q2_by_hand(q1: float, assembly: int) -> list[float]:
     return sorted(out)
 
 
-@pytest.fixture(scope="module")
-def five_bar_points():
-    found = analyzed("five_bar")  # at home: both cranks at 60 degrees
-    return {k: [p for p in found.points if p.moving == f"q{k + 1}"] for k in (0, 1)}
+def five_bar_points(moving, kind):
+    """At home, both cranks at 60 degrees."""
+    points = analyzed("five_bar").points
+    return [p for p in points if (p.moving, p.kind) == (f"q{moving + 1}", kind)]
 
 
-def test_singular_q2_at_q1_of_60_degrees(five_bar_points):
-    found = [p for p in five_bar_points[1] if p.kind == "type 1"]
+def test_singular_q2_at_q1_of_60_degrees():
+    found = five_bar_points(1, "type 1")
     for assembly, sign in ((1, "assembly +"), (-1, "assembly -")):
         here = sorted(p.inputs[1] for p in found if p.mode.startswith(sign))
         np.testing.assert_allclose(here, singular_q2_by_hand(THIRD, assembly), atol=1e-9)
@@ -133,11 +122,11 @@ def test_singular_q2_at_q1_of_60_degrees(five_bar_points):
         assert min(abs(v - printed) for v in values) < 1e-7
 
 
-def test_feasible_ends_are_type_2(five_bar_points):
+def test_feasible_ends_are_type_2():
     for k, pivot in ((1, R3), (0, -R3)):  # the crank that moves, and where
         held = np.array([-pivot + R1 * np.cos(THIRD), R1 * np.sin(THIRD)])
         ends = [np.arctan2(B[1], B[0] - pivot) for B in circles([pivot, 0], R1, held, 2 * R2)]
-        found = [p for p in five_bar_points[k] if p.kind == "type 2"]
+        found = five_bar_points(k, "type 2")
         assert all(p.range_end for p in found)
         np.testing.assert_allclose(sorted(p.inputs[k] for p in found), sorted(ends), atol=1e-9)
     for p in found:
@@ -145,9 +134,6 @@ def test_feasible_ends_are_type_2(five_bar_points):
         assert state.kind == "type 2"
         assert state.velocity is None
         assert state.uncontrolled.shape == (2, 1)
-
-
-# -- closed forms --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -191,7 +177,6 @@ def test_loci_that_shrink_to_a_point_are_stated(gap, links, lost, at, off):
     assert set(found) == {w for w, s in slack.items() if s > -1e-9 and sides[w][-1] > 0}
     for words, locus in found.items():
         assert locus.points_only == (words in single)
-        assert locus.witness is not None
         assert locus.witness.converged
     if off == 0:
         assert "isolated points" in str(found[lost])
@@ -200,29 +185,24 @@ def test_loci_that_shrink_to_a_point_are_stated(gap, links, lost, at, off):
             np.testing.assert_allclose(np.sin(turned / 2), 0, atol=1e-9)
 
 
-# -- modes and solving ---------------------------------------------------------------------------
-
-
 def test_all_modes_of_the_5r(rng):
     mechanism = shipped("five_bar")
     dyad = planar_dyad(mechanism)
-    for _ in range(20):
-        q = random_closed(mechanism, 1, rng)
-        if not q:
-            continue
-        state = mechanism_at(mechanism, q[0])
+    drawn = random_closed(mechanism, 20, rng)
+    assert len(drawn) > 9
+    for q in drawn:
+        state = mechanism_at(mechanism, q)
         found = assemblies(mechanism, state.inputs)
-        assert len(found) == 2
         assert [s.mode[:10] for s in found] == ["assembly +", "assembly -"]
         assert max(s.residual for s in found) < 1e-12
-        assert min(np.abs(mechanism.fold(s.q - q[0])).max() for s in found) < 1e-9
+        assert min(np.abs(mechanism.fold(s.q - q)).max() for s in found) < 1e-9
         working = dyad.working_modes(complex(*state.position[:2]))
         assert len(working) == 4
         assert len({tuple(np.sign(elbow_sines(mechanism, x))) for x in working}) == 4
         for x in working:
             there = mechanism_at(mechanism, x)
             np.testing.assert_allclose(there.position, state.position, atol=1e-12)
-        assert min(np.abs(mechanism.fold(x - q[0])).max() for x in working) < 1e-9
+        assert min(np.abs(mechanism.fold(x - q)).max() for x in working) < 1e-9
 
 
 def test_follow_keeps_the_mode_and_arrives():
@@ -263,10 +243,8 @@ def test_feasible_range_equals_the_reach_of_the_rods(rng):
     mechanism = shipped("five_bar")
     for q1 in rng.uniform(-np.pi, np.pi, 3):
         found = feasible(mechanism, [q1, 0.0])["q2"]
-        B1 = np.array([-R3 + R1 * np.cos(q1), R1 * np.sin(q1)])
         for q2 in np.linspace(-np.pi, np.pi, 61):
-            B2 = np.array([R3 + R1 * np.cos(q2), R1 * np.sin(q2)])
-            gap = np.linalg.norm(B2 - B1)
+            gap = abs(2 * R3 + R1 * (np.exp(1j * q2) - np.exp(1j * q1)))
             if abs(gap - 2 * R2) > 1e-3:
                 assert any(q2 in i for i in found) == (gap < 2 * R2)
 
@@ -274,15 +252,10 @@ def test_feasible_range_equals_the_reach_of_the_rods(rng):
 def test_3rrr_assemblies_close_and_differ():
     mechanism = shipped("planar_3rrr")
     inputs = home(mechanism)[list(mechanism.actuated)]
-    found = assemblies(mechanism, inputs)
-    assert len(found) == 2
-    for a, b in itertools.combinations(found, 2):
-        assert np.abs(mechanism.fold(a.q - b.q)).max() > 1e-3
+    one, other = assemblies(mechanism, inputs)
+    assert np.abs(mechanism.fold(one.q - other.q)).max() > 1e-3
     with pytest.raises(InfeasibleError, match="the loops do not close"):
         assemblies(mechanism, [np.pi, 0, np.pi / 2 + 0.3])
-
-
-# -- four-bars and other mechanisms --------------------------------------------------------------
 
 
 def test_dead_points_of_the_shipped_four_bar():
@@ -304,13 +277,11 @@ def test_change_points_of_a_parallelogram_are_constraint_singularities():
     """All links in line: the linkage may fold or stay a parallelogram."""
     mechanism = four_bar(0.4, 0.2, 0.4, 0.2)
     found = find_singular(mechanism, curves(mechanism, [0.5], 0))
-    flat = [p for p in found if p.kind == "constraint"]
-    values = [p.inputs[0] for p in flat]
-    assert {round(abs(v), 6) for v in values} == {0.0, round(np.pi, 6)}
+    values = {round(abs(p.inputs[0]), 6) for p in found if p.kind == "constraint"}
+    assert values == {0.0, round(np.pi, 6)}
     q = np.zeros(3)
     assert np.abs(residual(mechanism, q)).max() < 1e-12
-    state = mechanism_at(mechanism, q)
-    assert state.kind == "constraint"
+    assert mechanism_at(mechanism, q).kind == "constraint"
     assert motions(mechanism, q).basis.shape == (3, 2)
     # One length changed by a little, and the change point is gone.
     other = four_bar(0.4, 0.2, 0.41, 0.2)
@@ -324,17 +295,12 @@ def test_the_size_of_a_linkage_changes_no_finding(size, tmp_path):
     """The lengths of the file alone, not the length scale."""
     found = []
     for unit in (1.0, size):
-        joints = []
-        for k, foot in ((1, -0.5), (2, 0.5)):
-            joints.append(J(f"q{k}", "base", f"crank{k}", (foot * unit, 0, 0)))
-            joints.append(J(f"b{k}", f"crank{k}", f"rod{k}", (unit, 0, 0)))
-            joints.append(frame(f"P{k}", f"rod{k}", (1.2 * unit, 0, 0)))
-        text = loop_text([("P1", "P2")], ["q1", "q2"], "P1", "vx, vy", "planar")
-        made = load_mechanism(written(tmp_path, joints, text + "home: {q1: 2, q2: 1}\n"))
-        found.append(analyze_mechanism(made))
+        joints = five_bar((-0.5 * unit, 0.5 * unit), unit, 1.2 * unit)
+        text = loop_text([("P1", "P2")], ["q1", "q2"], "P1", "vx, vy", "planar", {"q1": 2, "q2": 1})
+        found.append(analyze_mechanism(load_mechanism(written(tmp_path, joints, text))))
         assert all(check.passed for check in found[-1].checks)
-    small, large = ([p.inputs for p in x.points] for x in found)
-    assert len(small) == len(large) == 12
+    small, large = (np.array([p.inputs for p in x.points]) for x in found)
+    assert small.shape == (12, 2)
     np.testing.assert_allclose(small, large, atol=1e-9)
 
 
@@ -385,12 +351,8 @@ def test_a_type_3_configuration_that_is_not_flat():
 def test_refine_finds_where_both_types_meet():
     """Type 3 is two conditions: with both inputs free it is found from beside it."""
     mechanism = shipped("five_bar")
-    found = [
-        refine(mechanism, p.q, "type 3")
-        for p in analyzed("five_bar").points
-        if p.kind in ("type 1", "type 2")
-    ]
-    both = [p for p in found if p.converged]
+    starts = [p.q for p in analyzed("five_bar").points if p.kind in ("type 1", "type 2")]
+    both = [p for p in (refine(mechanism, q, "type 3") for q in starts) if p.converged]
     assert both
     for point in both:
         assert point.kind in ("type 3", "constraint")
@@ -407,86 +369,15 @@ def test_refine_does_not_pretend():
     assert point.ratio > 1e-3
 
 
-# -- analysis ------------------------------------------------------------------------------------
-
-
 def test_analysis_prints_and_survives_json():
     found = analyzed("five_bar")
     text = str(found)
-    for piece in (
-        "2 degrees of freedom",
-        "assembly +, elbows -+",
-        "2.245665314",
-        "end of the range",
-    ):
-        assert piece in text
+    said = ("2 degrees of freedom", "assembly +, elbows -+", "2.245665314", "end of the range")
+    assert [x for x in said if x not in text] == []
     again = MechanismAnalysis.from_json(found.to_json())
     assert str(again) == text
     np.testing.assert_array_equal(again.state.q, found.state.q)
     assert all(c.passed for c in found.checks)
-
-
-# -- side-car files ------------------------------------------------------------------------------
-
-GOOD = """closed_loop: [[P, P2]]
-type: [3d]
-name_mot: [q1, q2]
-output: {frame: P, rows: [vx, vy]}
-"""
-
-
-def write(tmp_path: Path, text: str) -> Path:
-    path = tmp_path / "made.loops.yaml"
-    path.write_text(text)
-    return path
-
-
-def test_files_of_example_parallel_robots_are_read_whole(tmp_path):
-    """No output is named there, and joints of the URDF stand for balls and universal joints."""
-    plain = GOOD.replace("output: {frame: P, rows: [vx, vy]}\n", "joint_name: []\njoint_type: []\n")
-    mechanism = load_mechanism(URDF / "five_bar.urdf", write(tmp_path, plain))
-    assert mechanism.output == "P"
-    assert any("names no output: taken is P" in note for note in mechanism.notes)
-    assert ranks(mechanism).mobility == 2
-
-
-@pytest.mark.parametrize(
-    ("change", "line", "message"),
-    [
-        (("[[P, P2]]", "[[P, P3]]"), 1, "unknown frame 'P3': did you mean 'P'"),
-        (("[[P, P2]]", "[[P]]"), 1, "expected a list of 2 values, found 1"),
-        (("[[P, P2]]", "[[P, rod1]]"), 1, "fixed to the same link"),
-        (("[3d]", "[4d]"), 2, "unknown value '4d'"),
-        (("[3d]", "[3d, 3d]"), 2, "1 loops need 1 types, found 2"),
-        (("[q1, q2]", "[q1, q3]"), 3, "unknown joint 'q3': did you mean"),
-        (("[q1, q2]", "[q1, q1]"), 3, "given twice"),
-        (("[q1, q2]", "[q1, q2, b1, b2]"), 3, "every joint is actuated"),
-        (("frame: P", "frame: Q"), 4, "unknown frame 'Q'"),
-        (("[vx, vy]", "[vx, xx]"), 4, "unknown value 'xx'"),
-        (("[vx, vy]", "[vx, vx]"), 4, "names a row twice"),
-        (("name_mot", "name_motor"), 3, "unknown key 'name_motor': did you mean 'name_mot'"),
-        (("frame: P", "frame: base_link"), 4, "'base_link' is fixed to the base"),
-        (("type:", "joint_name: [b1]\ntype:"), 2, "missing key 'joint_type'"),
-        (("type:", "joint_name: [b9]\njoint_type: [FIXED]\ntype:"), 2, "unknown joint 'b9'"),
-        (("type:", "joint_name: [b1]\njoint_type: [BALL]\ntype:"), 3, "unknown value 'BALL'"),
-        (("type:", "joint_name: [b1]\njoint_type: []\ntype:"), 3, "1 joints need 1 types"),
-    ],
-)
-def test_side_car_errors_name_the_file_and_the_line(tmp_path, change, line, message):
-    path = write(tmp_path, GOOD.replace(*change))
-    with pytest.raises(RobotFileError) as caught:
-        load_mechanism(URDF / "five_bar.urdf", path)
-    assert caught.value.path == path
-    assert caught.value.line == line
-    assert message in str(caught.value)
-
-
-def test_wrong_number_of_actuators_is_said(tmp_path):
-    mechanism = load_mechanism(
-        URDF / "five_bar.urdf", write(tmp_path, GOOD.replace("[q1, q2]", "[q1]"))
-    )
-    with pytest.raises(OptionError, match="2 degrees of freedom, but 1 joint is actuated"):
-        analyze_mechanism(mechanism)
 
 
 def test_loops_that_never_close_are_said():

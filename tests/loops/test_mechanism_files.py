@@ -1,34 +1,31 @@
-"""Mechanisms as people write them: links that spin, welds in the middle of rods, no limits."""
+"""Mechanisms as people write them: links that spin, welds in the middle of rods, errors."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from mechanisms import URDF
-from urdf_text import J, X, ball, frame, loop_text, written
+from urdf_text import J, X, ball, five_bar, frame, loop_text, written
 
 import pinsing
-from pinsing.errors import JointError
+from pinsing.errors import JointError, OptionError, RobotFileError
 from pinsing.loops import home
 from pinsing.loops.closure import ranks, residual
 
 
-@pytest.fixture(scope="module")
-def points():
-    rng = np.random.default_rng(21)
-    base = np.round(rng.uniform(-1, 1, (6, 3)) * [1, 1, 0.1], 2)
-    return base, np.round(rng.uniform(-0.5, 0.5, (6, 3)) * [1, 1, 0.1], 2)
-
-
 def four_bar_in_space(weld: bool) -> list[J]:
     """A crank about z, a rod between two balls, a rocker about x: R-S-S-R, the rod in halves."""
-    crank = [J("crank", "base", "arm"), *ball("s", "arm", "near", (0.3, 0, 0))]
-    rocker = [
+    joints = [
+        J("crank", "base", "arm"),
+        *ball("s", "arm", "near", (0.3, 0, 0)),
         J("rocker", "base", "far_arm", (1, 0, 0), X),
         frame("far_end", "far_arm", (0, 0.6, 0)),
+        frame("half", "near", (0.4 if weld else 0.9, 0, 0)),
     ]
-    if not weld:
-        return [*crank, *rocker, frame("half", "near", (0.9, 0, 0))]
     other = [*ball("t", "far_end", "far"), frame("other_half", "far", (-0.5, 0, 0))]
-    return [*crank, *rocker, frame("half", "near", (0.4, 0, 0)), *other]
+    return [*joints, *other] if weld else joints
 
 
 @pytest.mark.parametrize("weld", [False, True])
@@ -72,14 +69,8 @@ def test_joints_of_a_loop_file_stand_for_those_of_the_urdf(tmp_path):
 
 def test_a_pin_that_is_written_twice_turns_once(tmp_path):
     """Both rods of a five-bar end in the same pin, and a weld holds the two halves together."""
-    joints = [
-        J("q1", "base", "arm1", (-0.5, 0, 0)),
-        J("b1", "arm1", "rod1", (0.8, 0, 0)),
-        J("pin1", "rod1", "half1", (1, 0, 0)),
-        J("q2", "base", "arm2", (0.5, 0, 0)),
-        J("b2", "arm2", "rod2", (0.8, 0, 0)),
-        J("pin2", "rod2", "half2", (1, 0, 0)),
-    ]
+    pins = [J(f"pin{k}", f"P{k}", f"half{k}") for k in (1, 2)]
+    joints = [*five_bar((-0.5, 0.5), 0.8, 1), *pins]
     text = loop_text([("half1", "half2")], ["q1", "q2"], kind="6d")
     mechanism = pinsing.load_mechanism(written(tmp_path, joints, text))
     assert (mechanism.n, ranks(mechanism).mobility) == (5, 2)
@@ -94,8 +85,7 @@ def test_joints_without_limits_move_without_end(tmp_path):
     ]
     text = loop_text([("end", "slide")], ["q1"], "slide", "vx")
     mechanism = pinsing.load_mechanism(written(tmp_path, joints, text))
-    assert np.isinf(mechanism.lower).all()
-    assert np.isinf(mechanism.upper).all()
+    assert np.isinf([mechanism.lower, mechanism.upper]).all()
     assert "no usable limits, so they move without end: q1, b1, q2" in mechanism.notes
     assert not any("cannot be analysed" in n or "not analysed" in n for n in mechanism.notes)
     slides = [m.q[2] for m in pinsing.loops.assembly_modes(mechanism, [np.pi / 2]).modes]
@@ -105,17 +95,13 @@ def test_joints_without_limits_move_without_end(tmp_path):
 
 def test_a_joint_that_mimics_another_is_driven_or_refused(tmp_path):
     joints = [
-        J("q1", "base", "arm", (-0.5, 0, 0)),
-        J("b1", "arm", "rod", (0.8, 0, 0)),
-        J("q2", "base", "arm2", (0.5, 0, 0), more='<mimic joint="q1"/>'),
-        J("b2", "arm2", "rod2", (0.8, 0, 0)),
-        frame("e1", "rod", (1, 0, 0)),
-        frame("e2", "rod2", (1, 0, 0)),
+        replace(j, more='<mimic joint="q1"/>') if j.name == "q2" else j
+        for j in five_bar((-0.5, 0.5), 0.8, 1)
     ]
-    loops = [("e1", "e2")]
-    path = written(tmp_path, joints, loop_text(loops, ["q1", "q2"], "e1", "vx, vy"))
+    loops = [("P1", "P2")]
+    path = written(tmp_path, joints, loop_text(loops, ["q1", "q2"], "P1", "vx, vy"))
     assert ranks(pinsing.load_mechanism(path)).mobility == 2
-    path = written(tmp_path, joints, loop_text(loops, ["q1", "b2"], "e1", "vx, vy"), "other")
+    path = written(tmp_path, joints, loop_text(loops, ["q1", "b2"], "P1", "vx, vy"), "other")
     with pytest.raises(JointError, match=r"q2.*mimics another joint.*or drive it \(name_mot\)"):
         pinsing.load_mechanism(path)
 
@@ -131,3 +117,61 @@ def test_lengths_in_millimetres_are_suspected(tmp_path):
     path = written(tmp_path, joints, loop_text([("e1", "e2")], ["q1"], "e2", "wz"))
     with pytest.raises(pinsing.PinsingError, match=r"up to 1.7e\+03 m; if they are in millimetres"):
         pinsing.loops.analyze_mechanism(pinsing.load_mechanism(path))
+
+
+GOOD = """closed_loop: [[P, P2]]
+type: [3d]
+name_mot: [q1, q2]
+output: {frame: P, rows: [vx, vy]}
+"""
+
+
+def write(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "made.loops.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_files_of_example_parallel_robots_are_read_whole(tmp_path):
+    """No output is named there, and joints of the URDF stand for balls and universal joints."""
+    plain = GOOD.replace("output: {frame: P, rows: [vx, vy]}\n", "joint_name: []\njoint_type: []\n")
+    mechanism = pinsing.load_mechanism(URDF / "five_bar.urdf", write(tmp_path, plain))
+    assert mechanism.output == "P"
+    assert any("names no output: taken is P" in note for note in mechanism.notes)
+    assert ranks(mechanism).mobility == 2
+
+
+@pytest.mark.parametrize(
+    ("change", "line", "message"),
+    [
+        (("[[P, P2]]", "[[P, P3]]"), 1, "unknown frame 'P3': did you mean 'P'"),
+        (("[[P, P2]]", "[[P]]"), 1, "expected a list of 2 values, found 1"),
+        (("[[P, P2]]", "[[P, rod1]]"), 1, "fixed to the same link"),
+        (("[3d]", "[4d]"), 2, "unknown value '4d'"),
+        (("[3d]", "[3d, 3d]"), 2, "1 loops need 1 types, found 2"),
+        (("[q1, q2]", "[q1, q3]"), 3, "unknown joint 'q3': did you mean"),
+        (("[q1, q2]", "[q1, q1]"), 3, "given twice"),
+        (("[q1, q2]", "[q1, q2, b1, b2]"), 3, "every joint is actuated"),
+        (("frame: P", "frame: Q"), 4, "unknown frame 'Q'"),
+        (("[vx, vy]", "[vx, xx]"), 4, "unknown value 'xx'"),
+        (("[vx, vy]", "[vx, vx]"), 4, "names a row twice"),
+        (("name_mot", "name_motor"), 3, "unknown key 'name_motor': did you mean 'name_mot'"),
+        (("frame: P", "frame: base_link"), 4, "'base_link' is fixed to the base"),
+        (("type:", "joint_name: [b1]\ntype:"), 2, "missing key 'joint_type'"),
+        (("type:", "joint_name: [b9]\njoint_type: [FIXED]\ntype:"), 2, "unknown joint 'b9'"),
+        (("type:", "joint_name: [b1]\njoint_type: [BALL]\ntype:"), 3, "unknown value 'BALL'"),
+        (("type:", "joint_name: [b1]\njoint_type: []\ntype:"), 3, "1 joints need 1 types"),
+    ],
+)
+def test_side_car_errors_name_the_file_and_the_line(tmp_path, change, line, message):
+    path = write(tmp_path, GOOD.replace(*change))
+    with pytest.raises(RobotFileError, match=re.escape(message)) as caught:
+        pinsing.load_mechanism(URDF / "five_bar.urdf", path)
+    assert (caught.value.path, caught.value.line) == (path, line)
+
+
+def test_wrong_number_of_actuators_is_said(tmp_path):
+    path = write(tmp_path, GOOD.replace("[q1, q2]", "[q1]"))
+    mechanism = pinsing.load_mechanism(URDF / "five_bar.urdf", path)
+    with pytest.raises(OptionError, match="2 degrees of freedom, but 1 joint is actuated"):
+        pinsing.loops.analyze_mechanism(mechanism)

@@ -1,22 +1,49 @@
-"""Pictures of mechanisms: slices through the workspace by mode, curves, modes side by side."""
+"""Pictures of mechanisms: maps, slices through the workspace by mode, curves, modes."""
 
+import itertools
+import json
+import sys
+
+import click
 import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from mechanisms import shipped
-from tiers import tiered
+import yaml
+from click.testing import CliRunner
+from command_line import run
+from mechanisms import URDF, analyzed, shipped
+from tiers import sampled, tiered
 from urdf_text import J, Y, frame, loop_text, written
 
-from pinsing.errors import OptionError
-from pinsing.loops import home, mechanism_at, mode_of, refine
-from pinsing.loops.closure import Loops, output_pose, planar_dyad
-from pinsing.loops.map import pose_slice
-from pinsing.loops.motion import COORDINATES, pose_of
+import pinsing
+from pinsing.cli.mechanism import analyze_loops, loops_option, view_loops
+from pinsing.cli.options import joint_values
+from pinsing.cli.show import plot_loops
+from pinsing.errors import OptionError, PinsingError
+from pinsing.loops import (
+    MechanismAnalysis,
+    MechanismMap,
+    analyze_mechanism,
+    curves,
+    find_singular,
+    home,
+    loop_forms,
+    mechanism_at,
+    mode_of,
+    refine,
+)
+from pinsing.loops.closure import BatchLoops, Loops, output_pose, planar_dyad, random_closed
+from pinsing.loops.map import cannot_close, pose_slice
+from pinsing.loops.motion import COORDINATES, kinds_of, measure_many, pose_of
 from pinsing.loops.solve import working_modes
 from pinsing.plot.mechanism import (
     MINUS,
     PLUS,
     TYPE_1,
+    TYPE_2,
+    border_field,
+    colors,
     draw_linkage,
     driven_bodies,
     input_map,
@@ -26,8 +53,102 @@ from pinsing.plot.mechanism import (
     motion_curve,
     panels,
     pose_maps,
+    regions,
 )
 from pinsing.robot.mechanism import load_mechanism
+
+MEASURED = ["five_bar", "planar_3rrr", "gough_stewart", "agile_eye", "rssr"]
+CLOSING = ["gough_stewart", "stewart_6_3", "planar_3rrr", "planar_3rpr", "hexaglide", "delta"]
+
+
+@pytest.mark.parametrize("name", sampled(MEASURED))
+def test_many_at_once_equal_one_by_one(name, rng):
+    mechanism = shipped(name).without_limits()
+    Q = random_closed(mechanism, 6, rng)
+    for kind in ("type 1", "type 2"):
+        point = refine(mechanism, Q[0], kind)
+        Q += [point.q] if point.converged else []
+    found = measure_many(BatchLoops(mechanism), np.array(Q))
+    kinds = kinds_of(found)
+    for q, measures, kind in zip(Q, found.T, kinds, strict=True):
+        state = mechanism_at(mechanism, q)
+        one = (state.output_ratio, state.input_ratio, state.constraint_ratio)
+        assert measures == pytest.approx(one, rel=1e-7, abs=1e-11)
+        assert kind == ("near" if state.near else state.kind)
+    assert {"type 1", "type 2", "type 3"} & set(kinds.tolist()) or name == "gough_stewart"
+
+
+def test_the_same_seed_gives_the_same_map_and_json_keeps_it():
+    mechanism = shipped("planar_3rrr")
+    one, two = (pinsing.loops.mechanism_map(mechanism, count=100, seed=5) for _ in range(2))
+    assert one.to_json() == two.to_json()
+    assert MechanismMap.from_dict(json.loads(one.to_json())).to_json() == one.to_json()
+    assert one.to_json() != pinsing.loops.mechanism_map(mechanism, count=100, seed=6).to_json()
+    assert "\u00a0" not in str(one)
+
+
+def test_more_actuators_than_freedoms_are_mapped_as_such():
+    plain = shipped("planar_3rrr")
+    extra = plain.with_actuated(["a1", "a2", "a3", "b1"])
+    one, more = (pinsing.loops.mechanism_map(m, count=100) for m in (plain, extra))
+    assert more.closed == one.closed > 10
+    # Held by one more, the output is held at least as well.
+    assert (more.input_ratio >= one.input_ratio - 1e-12).all()
+
+
+@pytest.mark.parametrize(
+    ("more", "code", "words"),
+    [
+        (["--over", "poses", "--count", "1e2", "--deg"], 0, "100 poses of the output"),
+        (["--steps", "5"], 2, "--steps does not go with --loops"),
+        (["--count", "0.5"], 2, "not a whole number"),
+        (["--sampling", "grid"], 2, "--sampling does not go with --loops"),
+    ],
+)
+def test_the_command(more, code, words):
+    done = run("map", URDF / "planar_3rpr.urdf", "--loops", *more)
+    assert done.exit_code == code
+    assert words in " ".join(done.output.split())
+
+
+@pytest.mark.parametrize("name", sampled(CLOSING))
+def test_what_closes_is_never_said_to_be_impossible(name, rng):
+    mechanism = shipped(name).without_limits()
+    actuated = list(mechanism.actuated)
+    closed = np.array(random_closed(mechanism, 40, rng))[:, actuated]
+    assert len(closed) > 5
+    assert not cannot_close(mechanism, closed).any()
+
+
+def _circle(row):
+    angles = np.radians(np.array(row["angles"], dtype=float))
+    return row["radius"] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def test_impossible_inputs_of_a_platform_are_those_of_the_triangle(rng):
+    """The points of the 6-3 are pairs that share one: the triangle's inequality, from the table."""
+    mechanism = shipped("stewart_6_3")
+    table = yaml.safe_load((URDF / "stewart_6_3.mechanism.yaml").read_text(encoding="utf-8"))
+    base, top = (_circle(table[x]) for x in ("base", "platform"))
+    inputs = rng.uniform(0.3, 2.5, (300, 6))
+    open_ = np.zeros(300, dtype=bool)
+    for pair in itertools.combinations(range(6), 2):
+        apart = [np.linalg.norm(np.subtract(*points[[*pair]])) for points in (base, top)]
+        sides = np.column_stack([np.tile(apart, (300, 1)), inputs[:, pair]])
+        open_ |= 2 * sides.max(axis=1) > sides.sum(axis=1) + 1e-9
+    assert 100 < open_.sum() < 300
+    assert (cannot_close(mechanism, inputs) == open_).all()
+
+
+@pytest.mark.slow
+def test_poses_are_drawn_where_the_limits_let_the_platform_go():
+    found = pinsing.loops.mechanism_map(shipped("gough_stewart"), "poses", 300)
+    assert found.closed - found.beyond > 100
+    two = found.near["type 2"]
+    assert two > 0
+    share = 100 * two / (found.closed - found.beyond)
+    assert f"type 2 {two} ({share:.3g} %)" in " ".join(str(found).split())
+
 
 OVER = {
     "five_bar": ("x", "y"), "planar_3rrr": ("x", "y"), "planar_3rpr": ("y", "yaw"),
@@ -49,13 +170,12 @@ def test_each_pose_of_a_slice_is_closed_and_has_its_coordinates(name: str) -> No
         q = found.q[0, j, i]
         assert np.abs(loops.scaled(q)[0]).max() <= 1e-8
         pose = pose_of(output_pose(mechanism, q))
-        wanted = [found.x[i], found.y[j]]
-        got = [[*pose.position, *pose.angles][row] for row in rows]
-        if abs(pose.angles[1]) < 1.5 and all(abs(w) < 1.5 for w in wanted):
+        wanted = np.array([found.x[i], found.y[j]])
+        if abs(pose.angles[1]) < 1.5 and np.abs(wanted).max() < 1.5:
+            got = np.array([*pose.position, *pose.angles])[rows]
             np.testing.assert_allclose(got, wanted, atol=1e-7)
-        outside = mechanism.space.outside(q).any()
-        assert found.inside[0, j, i] == (not outside)
-        assert (found.margin[0, j, i] >= -1e-9) == (not outside)
+        kept = not mechanism.space.outside(q).any()
+        assert found.inside[0, j, i] == (found.margin[0, j, i] >= -1e-9) == kept
 
 
 @pytest.mark.slow
@@ -63,7 +183,6 @@ def test_a_five_bar_reaches_what_its_legs_reach_in_each_working_mode() -> None:
     """Each leg reaches a ring about its pivot: the workspace is where the rings meet."""
     mechanism = shipped("five_bar")
     dyad = planar_dyad(mechanism)
-    assert dyad is not None
     modes = working_modes(mechanism).modes
     assert len(modes) == 4
     found = pose_slice(mechanism, ("x", "y"), [m.q for m in modes], samples=61)
@@ -75,9 +194,7 @@ def test_a_five_bar_reaches_what_its_legs_reach_in_each_working_mode() -> None:
         most, least = arm + rod, abs(arm - rod)
         rings &= (away < most) & (away > least)
         sure &= (np.abs(away - most) > 0.03) & (np.abs(away - least) > 0.03)
-    # The picture holds all of it.
-    assert not rings[[0, -1]].any()
-    assert not rings[:, [0, -1]].any()
+    assert not np.concatenate([rings[[0, -1]], rings[:, [0, -1]].T]).any()  # it holds all of it
     for k, mode in enumerate(modes):
         assert (found.inside[k] == rings)[sure].all()
         elbows = mode.mode.partition("elbows ")[2]
@@ -110,16 +227,23 @@ def test_an_aspect_has_one_sign_of_type_2_and_the_lines_are_singular() -> None:
         assert away < 2 * np.hypot(found.x[1] - found.x[0], found.y[1] - found.y[0])
 
 
-def test_what_cannot_be_sliced_is_said() -> None:
-    with pytest.raises(OptionError, match="goes over two of x, y, yaw; got x, z"):
-        pose_maps(shipped("planar_3rpr"), ("x", "z"))
-    with pytest.raises(OptionError, match="goes over two of z, roll, pitch; got x, y"):
-        pose_maps(shipped("rps3"), ("x", "y"))
-    with pytest.raises(OptionError, match="one degree of freedom: its poses are a curve"):
-        pose_maps(shipped("bennett"), ("x", "y"))
-
-
-# One freedom, and modes ---------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("draw", "words"),
+    [
+        (lambda: pose_maps(shipped("planar_3rpr"), ("x", "z")), "over two of x, y, yaw; got x, z"),
+        (lambda: pose_maps(shipped("rps3"), ("x", "y")), "over two of z, roll, pitch; got x, y"),
+        (lambda: pose_maps(shipped("bennett"), ("x", "y")), "freedom: its poses are a curve"),
+        (lambda: motion_curve(shipped("four_bar"), ("x", "y")), "x does not move"),
+        (lambda: motion_curve(shipped("four_bar"), ("crank", "rocker")), "of crank, x, y"),
+        (lambda: motion_curve(shipped("four_bar"), ()), "goes over two of crank, x, y"),
+        (lambda: motion_curve(shipped("five_bar"), None), "has 2 degrees of freedom"),
+        (lambda: input_map(shipped("planar_3rrr")), "two cranks"),
+        (lambda: input_map(shipped("five_bar"), "left"), r"must be \+ or -"),
+    ],
+)
+def test_what_cannot_be_drawn_is_said(draw, words) -> None:
+    with pytest.raises(OptionError, match=words):
+        draw()
 
 
 def test_a_four_bar_is_drawn_over_its_input_by_assembly_mode() -> None:
@@ -139,13 +263,6 @@ def test_a_four_bar_is_drawn_over_its_input_by_assembly_mode() -> None:
     )
     for x, y in ends:
         assert np.nanmin(np.linalg.norm(curve - [x[0], y[0]], axis=1)) < 3.5  # NaN: gaps
-    with pytest.raises(OptionError, match="x does not move"):
-        motion_curve(mechanism, ("x", "y"))
-    for wrong in (("crank", "rocker"), ()):
-        with pytest.raises(OptionError, match="goes over two of crank, x, y"):
-            motion_curve(mechanism, wrong)
-    with pytest.raises(OptionError, match="has 2 degrees of freedom"):
-        motion_curve(shipped("five_bar"))
 
 
 def test_modes_are_drawn_side_by_side() -> None:
@@ -156,6 +273,17 @@ def test_modes_are_drawn_side_by_side() -> None:
     assert titles[5].startswith("4: ")
     assert "q1 " in titles[5]
     assert figure.subfigs[0].get_suptitle().startswith("At these inputs: 2 assembly modes")
+
+
+def contour(ax, color: str) -> np.ndarray:
+    """Points of the contour lines of a colour."""
+    wanted = mpl.colors.to_rgb(color)
+    out = []
+    for c in ax.collections:
+        edge = c.get_edgecolor()
+        if len(edge) and np.allclose(edge[0][:3], wanted) and c.get_array() is not None:
+            out += [p.vertices for p in c.get_paths() if len(p.vertices)]
+    return np.concatenate(out)
 
 
 def _upright_arm(folder):
@@ -181,17 +309,9 @@ def test_a_map_over_the_inputs_is_of_the_output_and_not_of_the_pin(tmp_path):
     said = [t.get_text() for t in ax.get_legend().get_texts()]
     assert "type 1: the output loses a direction" in said
     assert not any("leg" in text for text in said)
-    lines = [
-        p.vertices
-        for c in ax.collections
-        if len(c.get_edgecolor())
-        and np.allclose(c.get_edgecolor()[0][:3], mpl.colors.to_rgb(TYPE_1))
-        for p in c.get_paths()
-    ]
-    inputs = np.concatenate([x for x in lines if len(x)])[::7]
     left = is_left(mechanism, dyad)
     told = 0
-    for at in inputs:
+    for at in contour(ax, TYPE_1)[::7]:
         q = dyad.configuration(at, left)
         if not np.isfinite(q).all():
             continue
@@ -215,11 +335,154 @@ def test_what_stands_upright_is_drawn_over_x_and_z(tmp_path):
     mechanism = _upright_arm(tmp_path)
     ax = draw_linkage(mechanism, home(mechanism), ellipse=0)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("x [m]", "z [m]")
-    drawn = np.concatenate(
-        [line.get_xydata() for line in ax.lines] + [p.get_xy() for p in ax.patches]
-    )
+    (forearm,) = ax.patches
+    drawn = np.concatenate([*(line.get_xydata() for line in ax.lines), forearm.get_xy()])
     # The tool is no loose dot: the forearm goes from its back end over the elbow to it.
     for corner in ((0.6, 0.7), (-0.15, 0.5), (0, 0.5), (0, 0), (-0.15, 0)):
         assert np.abs(drawn - corner).max(axis=1).min() < 1e-9
-    (forearm,) = ax.patches
     assert len({tuple(np.round(p, 9)) for p in forearm.get_xy()}) == 3
+
+
+FIVE_BAR = {"robot": str(URDF / "five_bar.urdf")}
+LOOPS = URDF / "five_bar.loops.yaml"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sign", tiered("+-", "+"))
+def test_lines_of_the_map_lie_on_the_closed_forms(sign):
+    mechanism = shipped("five_bar")
+    forms = loop_forms(mechanism)
+    ax = input_map(mechanism, sign, samples=241)
+    for kind, color in (("type 1", TYPE_1), ("type 2", TYPE_2)):
+        lines = np.radians(contour(ax, color))
+        assert len(lines) > 200
+        values = np.min(
+            [np.abs(x.equation(lines)) / x.equation.size for x in forms.loci if x.kind == kind],
+            axis=0,
+        )
+        assert np.quantile(values, 0.9) < 1e-2
+
+
+def test_maps_of_the_two_modes_differ_and_are_mirror_images():
+    mechanism = shipped("five_bar")
+    one, two = (contour(input_map(mechanism, s, samples=121), "#c0392b") for s in "+-")
+    # The mechanism upside down is the other mode: both inputs change sign.
+    mirrored, other = (
+        [np.abs(sign * two - p).sum(axis=1).min() for p in one[::10]] for sign in (-1, 1)
+    )
+    assert np.quantile(mirrored, 0.9) < 3
+    assert np.quantile(other, 0.5) > 5
+
+
+@pytest.mark.parametrize("kind", tiered(["map", "curves", "ellipsoids"], {"ellipsoids"}))
+def test_plots_are_written(kind, tmp_path):
+    out = tmp_path / f"{kind}.png"
+    asked = [] if kind == "map" else [joint_values("60,60", "--q", True)]
+    plot_loops(LOOPS, kind=kind, out=out, configurations=asked, deg=True, dpi=50, **FIVE_BAR)
+    assert out.stat().st_size > 5_000
+
+
+def test_loops_alone_means_the_file_beside_and_its_absence_is_said():
+    @click.command()
+    @loops_option(lambda loops, **options: click.echo(f"{loops.name} {sorted(options.items())}"))
+    @click.argument("robot")
+    @click.option("-o", "html")
+    def command(robot: str, html: str | None) -> None:
+        click.echo(f"arm {robot}")
+
+    def said(*words):
+        return CliRunner().invoke(command, words)
+
+    taken = "gough_stewart.loops.yaml [('html', 'a'), ('robot', 'gough_stewart')]\n"
+    assert said("gough_stewart", "--loops", "-o", "a").output == taken
+    assert said("gough_stewart", "-o", "a", "--loops").output == taken
+    # Without it the file is found, which is said; --no-loops leaves the loops out.
+    done = said("gough_stewart")
+    assert done.stdout.startswith("gough_stewart.loops.yaml [")
+    assert "--no-loops takes a serial chain" in done.stderr
+    assert said("gough_stewart", "--no-loops").output == "arm gough_stewart\n"
+    for robot in ("ur5", ".", "<robot/>"):
+        assert said(robot).output == f"arm {robot}\n"
+        assert isinstance(said(robot, "--loops").exception, PinsingError)
+
+
+def test_what_the_time_of_an_analysis_leaves_out_is_said_and_the_rest_kept(capsys):
+    assert analyze_loops(LOOPS, seconds=1e-9, **FIVE_BAR) == 130
+    said = " ".join(capsys.readouterr().out.split())
+    assert "2 assembly modes" in said
+    assert "Missing: - working modes: not begun, the time of 1e-09 s was up" in said
+    assert "closed forms over the inputs: not begun" in said
+    assert "curves of q1, its range and singular points: not begun" in said
+    for claim in ("none (neither", "missed", "in nothing"):
+        assert claim not in said
+    with pytest.raises(OptionError, match="seconds must be positive, got 0"):
+        analyze_loops(LOOPS, seconds=0.0, **FIVE_BAR)
+
+
+@pytest.mark.slow
+def test_ctrl_c_keeps_what_an_analysis_has_done(monkeypatch, capsys, tmp_path):
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    whole = analyzed("five_bar")
+    assert whole.missing == ()
+    monkeypatch.setattr(sys.modules["pinsing.loops.solve"], "refine_point", stopped)
+    cut = analyze_mechanism(shipped("five_bar"))
+    assert cut.missing == (
+        "curves of q1, its range and singular points: stopped before its end",
+        "curves of q2, its range and singular points: not begun, stopped",
+    )
+    assert [s.mode for s in cut.working] == [s.mode for s in whole.working]
+    assert len(cut.forms.loci) == len(whole.forms.loci)
+    assert (cut.points, cut.ranges) == ((), {})
+    assert all(c.passed for c in cut.checks)
+    assert MechanismAnalysis.from_dict(cut.to_dict()).missing == cut.missing
+    # A page or a report of half an analysis is none.
+    with pytest.raises(KeyboardInterrupt):
+        view_loops(LOOPS, html=tmp_path / "page.html", **FIVE_BAR)
+    assert not (tmp_path / "page.html").exists()
+
+
+@pytest.mark.slow
+def test_the_time_ends_the_curves_with_those_that_are_followed():
+    mechanism = shipped("four_bar")
+    q = home(mechanism)[list(mechanism.actuated)]
+    calls = iter(range(10_000))
+    assert curves(mechanism, q, 0, over=lambda: next(calls) > 5) == ()
+    assert find_singular(mechanism, curves(mechanism, q, 0), over=lambda: True) == ()
+
+
+def test_regions_of_a_slice_are_parted_by_the_loci_alone():
+    # Within a disc, parted by a line and by a circle that stays inside.
+    x, y = np.meshgrid(np.linspace(-1, 1, 201), np.linspace(-1, 1, 201))
+    inside = x**2 + y**2 < 0.9
+    numbers, signs = regions(inside, [y - 0.2, (x - 0.1) ** 2 + (y + 0.4) ** 2 - 0.04])
+    assert numbers.max() == len(signs) == 3
+    assert (numbers[~inside] == 0).all()
+    below, above, hole = (numbers[k] for k in ((60, 40), (150, 100), (60, 110)))
+    assert len({below, above, hole}) == 3
+    assert signs[above - 1] == signs[hole - 1] != signs[below - 1]
+    assert len(set(colors([True, True, False]))) == 3
+    # Round a whole turn the outer parts are one.
+    band = [np.cos(np.pi * y)]
+    assert regions(np.ones_like(inside), band)[0].max() == 3
+    assert regions(np.ones_like(inside), band, (False, True))[0].max() == 2
+
+
+def test_the_border_of_what_is_reached_is_where_type_1_is_zero():
+    # A disc, and a half plane, whose left sides go to zero as roots of the distance do.
+    x, y = np.meshgrid(np.linspace(-1, 1, 61), np.linspace(-1, 1, 61))
+    r2, cell = x**2 + y**2, 2 / 60
+    reached = (r2 < 0.61) & (x < 0.437)
+    with np.errstate(invalid="ignore"):
+        ones = [np.where(reached, np.sqrt(0.61 - r2), np.nan), np.sqrt(0.437 - x)]
+    field = np.ma.masked_invalid(border_field(reached, ones))
+    figure, ax = plt.subplots()
+    (path,) = ax.contour(x, y, field, levels=[0.0]).get_paths()
+    plt.close(figure)
+    away = np.abs(np.hypot(*path.vertices.T) - np.sqrt(0.61))
+    across = np.abs(path.vertices[:, 0] - 0.437)
+    corner = np.hypot(path.vertices[:, 0] - 0.437, np.abs(path.vertices[:, 1]) - 0.647)
+    off = np.minimum(away, across)[corner > 2 * cell]
+    assert off.max() < 0.25 * cell
+    assert off.mean() < 0.05 * cell

@@ -1,4 +1,4 @@
-"""Modes that count, the direct and the inverse problem, limits kept."""
+"""Modes that count, the direct and the inverse problem, limits kept, driving by the inputs."""
 
 import itertools
 from dataclasses import replace
@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from mechanisms import URDF, from_model, shipped
-from tiers import sampled
+from arms import place
+from mechanisms import analyzed, four_bar, from_model, planar_tree, shipped
+from tiers import sampled, tiered
 from urdf_text import stewart, written
 
 import pinsing
-from pinsing.errors import ConfigurationError, OptionError
+from pinsing.errors import ConfigurationError, OptionError, PinsingError
 from pinsing.loops import (
     analyze_mechanism,
     assembly_modes,
@@ -19,13 +20,33 @@ from pinsing.loops import (
     find_singular,
     home,
     mechanism_at,
+    pose_forms,
     ranks,
     residual,
     working_modes,
 )
-from pinsing.loops.closure import BatchLoops, Loops, likeness, random_closed, same
-from pinsing.loops.solve import Modes, intervals
-from pinsing.robot.mechanism import Loop
+from pinsing.loops.analysis import locus_distance
+from pinsing.loops.closure import (
+    BatchLoops,
+    Loops,
+    likeness,
+    newton,
+    output_pose,
+    random_closed,
+    same,
+)
+from pinsing.loops.motion import (
+    assembly_sign,
+    elbows,
+    kinds_of,
+    led_pose,
+    measure_many,
+    mode_of,
+    motions,
+)
+from pinsing.loops.solve import Modes, drive, intervals, trace
+from pinsing.robot.mechanism import Loop, Mechanism
+from pinsing.robot.task import parse_task
 
 SHELF = {
     # joints, closure equations written and independent, degrees of freedom
@@ -43,14 +64,9 @@ def polar(radius, angles):
     return np.stack([radius * np.cos(angles), radius * np.sin(angles), 0 * angles], axis=1)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def platform():
     return shipped("gough_stewart")
-
-
-@pytest.fixture(scope="module")
-def without_limits(platform):
-    return assembly_modes(platform.without_limits(), starts=120)
 
 
 @pytest.mark.parametrize("name", sampled(SHELF))
@@ -71,18 +87,16 @@ def test_a_batch_closes_a_weld_as_pinocchio_does(rng):
 
 
 @pytest.mark.slow
-def test_assembly_modes_of_the_platform_have_the_legs_asked_for(platform, without_limits):
+def test_assembly_modes_of_the_platform_have_the_legs_asked_for(platform):
     """Leg lengths from the pose of the output alone, by subtraction of points."""
+    without_limits = assembly_modes(platform.without_limits(), starts=120)
     asked = home(platform)[list(platform.actuated)]
     base, top = polar(1.0, BASE), polar(0.6, PLATFORM)
-    poses = []
-    for s in without_limits.modes:
-        at, R = np.array(s.pose.position), s.pose.se3.rotation
-        lengths = np.linalg.norm(at + top @ R.T - base, axis=1)
-        np.testing.assert_allclose(lengths, asked, atol=1e-9)
-        poses.append(np.concatenate([at, R.ravel()]))
-    assert len(poses) >= 8
-    for a, b in itertools.combinations(poses, 2):
+    places = np.array([s.pose.se3.homogeneous for s in without_limits.modes])
+    ends = places[:, None, :3, 3] + top @ places[:, :3, :3].transpose(0, 2, 1)
+    np.testing.assert_allclose(np.linalg.norm(ends - base, axis=2), [asked] * len(ends), atol=1e-9)
+    assert len(places) >= 8
+    for a, b in itertools.combinations(places, 2):
         assert np.abs(a - b).max() > 1e-3
     # Two ways for each of six universal joints, and two for the ball of the first leg.
     assert {s.ways for s in without_limits.modes} == {128}
@@ -106,14 +120,12 @@ def test_limits_leave_modes_out_and_say_so(platform):
 def test_working_modes_of_the_platform(platform):
     pose = np.array([0.05, -0.02, 1.05, 0.1, -0.05, 0.2])
     found = working_modes(platform, pose, starts=20)
-    assert len(found.modes) == 1
-    np.testing.assert_allclose(found.modes[0].pose.position, pose[:3], atol=1e-9)
-    np.testing.assert_allclose(found.modes[0].pose.angles, pose[3:], atol=1e-9)
+    (mode,) = found.modes
+    np.testing.assert_allclose([*mode.pose.position, *mode.pose.angles], pose, atol=1e-9)
     both = working_modes(platform.without_limits(), pose, starts=20)
     # A leg may reach with a negative length.
-    assert len(both.modes) == 64
-    values = np.array([s.inputs for s in both.modes])
-    np.testing.assert_allclose(np.abs(values), np.abs(values[:1]).repeat(64, axis=0), atol=1e-9)
+    lengths = np.abs([s.inputs for s in both.modes])
+    np.testing.assert_allclose(lengths, np.tile(lengths[:1], (64, 1)), atol=1e-9)
 
 
 def test_flipped_joints_are_the_same_mode(platform):
@@ -150,21 +162,19 @@ def test_ranges_have_a_length_and_end_at_limits(platform):
     short = mechanism.upper.copy()
     short[mechanism.joints.index("p2")] = 0.6
     tight = replace(mechanism, upper=short)
-    inputs = home(tight)[list(tight.actuated)]
+    q = home(tight)
+    inputs = q[list(tight.actuated)]
     found = intervals(tight, curves(tight, inputs, 1), 1)
-    assert found
     assert all(i.upper > i.lower for i in found)
     assert max(i.upper for i in found) == pytest.approx(0.6, abs=1e-7)
     # Passive joints end a range too: here the first leg may not turn far.
-    narrow = tight.upper.copy()
-    low = tight.lower.copy()
-    k = tight.joints.index("r1")
-    low[k], narrow[k] = inputs[0] * 0 + home(tight)[k] - 0.02, home(tight)[k] + 0.02
-    held = replace(tight, lower=low, upper=narrow)
+    turns = 0.02 * (np.array(tight.joints) == "r1")
+    bounds = (np.where(turns, q + s * turns, x) for s, x in ((-1, tight.lower), (1, tight.upper)))
+    held = replace(tight, **dict(zip(("lower", "upper"), bounds, strict=True)))
     for t in curves(held, inputs, 1):
-        assert (t.q[:, k] <= narrow[k] + 1e-7).all()
-        assert (t.q[:, k] >= low[k] - 1e-7).all()
-        assert max(abs(t.q[0, k] - home(tight)[k]), abs(t.q[-1, k] - home(tight)[k])) > 0.019
+        gaps = np.abs(t.q - q)[:, turns > 0]
+        assert gaps.max() <= 0.02 + 1e-7
+        assert gaps[[0, -1]].max() > 0.019
 
 
 @pytest.mark.parametrize(
@@ -192,17 +202,6 @@ def test_wrong_questions_are_said(platform):
         working_modes(crank)
 
 
-def within(folder, name, joint, old, new):
-    """A mechanism of the shelf with other limits of some joints; the path of its URDF."""
-    text = (URDF / f"{name}.urdf").read_text()
-    head, tail = text.split(f'name="{joint}"')
-    assert old in tail
-    path = folder / f"{name}.urdf"
-    path.write_text(f'{head}name="{joint}"{tail.replace(old, new, 1)}')
-    (folder / f"{name}.loops.yaml").write_text((URDF / f"{name}.loops.yaml").read_text())
-    return path
-
-
 @pytest.mark.slow
 def test_home_is_found_within_narrow_limits(tmp_path):
     """Few of the configurations that close the loops keep the limits of all joints."""
@@ -218,8 +217,7 @@ def test_home_is_found_within_narrow_limits(tmp_path):
     assert not inside
     q = home(mechanism)
     assert np.abs(residual(mechanism, q)).max() < 1e-9
-    assert (q >= mechanism.lower).all()
-    assert (q <= mechanism.upper).all()
+    assert not mechanism.space.outside(q).any()
 
 
 @pytest.mark.slow
@@ -232,8 +230,7 @@ def test_the_platform_is_analysed_once_over(platform):
     marks = likeness(platform, np.array([p.q for p in found.points]))
     assert not any(same(a, b) for a, b in itertools.combinations(marks, 2))
     assert not any(platform.space.outside(p.q, 1e-6).any() for p in found.points)
-    text = str(found)
-    assert "u1x =" not in text  # values of joints; determinants may name some
+    assert "u1x =" not in str(found)  # values of joints; determinants may name some
     assert "s1z" in found.to_json() or "s1z" in found.joints
 
 
@@ -297,21 +294,140 @@ def test_points_of_a_curve_on_which_a_leg_moves_by_itself_are_one_mode():
     model.name = "sarrus"
     ends = []
     for name, turn in (("x", 0.0), ("y", np.pi / 2)):
-        parent = 0
-        place = pin.SE3(pin.rpy.rpyToMatrix(0, 0, turn), np.zeros(3))
+        parent, at = 0, place(R=pin.rpy.rpyToMatrix(0, 0, turn))
         for k, reach in enumerate((0.4, 0.4, 0.0), 1):
-            parent = model.addJoint(parent, pin.JointModelRUBX(), place, f"{name}{k}")
-            place = pin.SE3(np.eye(3), np.array([0.0, 0.0, reach]))
-        back = pin.SE3(pin.rpy.rpyToMatrix(0, 0, -turn), np.zeros(3))
+            parent = model.addJoint(parent, pin.JointModelRUBX(), at, f"{name}{k}")
+            at = place((0, 0, reach))
+        back = place(R=pin.rpy.rpyToMatrix(0, 0, -turn))
         model.addFrame(pin.Frame(f"{name}_end", parent, 0, back, pin.FrameType.OP_FRAME))
         ends.append(f"{name}_end")
     start = {"x1": -0.6, "x2": 1.2, "x3": -0.6, "y1": 0.6, "y2": -1.2, "y3": 0.6}
     made = from_model(model, [Loop(*ends, "6d")], ["x1"], "x_end", "vz", home=start)
     found = assembly_modes(made)
-    folded = [s for s in found.modes if abs(s.pose.position[2]) < 1e-6]
-    assert len(found.modes) == 3
-    assert len(folded) == 1
-    assert sorted(
-        s.q[made.joints.index("y1")].round(6) for s in found.modes if s not in folded
-    ) == [-0.6, 0.6]
+    folded, *others = sorted(found.modes, key=lambda s: abs(s.pose.position[2]))
+    assert abs(folded.pose.position[2]) < 1e-6
+    assert sorted(s.q[made.joints.index("y1")].round(6) for s in others) == [-0.6, 0.6]
     assert "at 1 of them a leg moves by itself" in found.statement
+
+
+NAMES = ["five_bar", "four_bar", "planar_3rrr"]
+
+
+def moved(mechanism: Mechanism, q: np.ndarray, k: int, value: float) -> np.ndarray:
+    inputs = q[list(mechanism.actuated)].copy()
+    inputs[k] = value
+    return inputs
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", tiered(NAMES, ("five_bar",)))
+def test_long_drags_never_change_the_assembly_mode(name: str, rng: np.random.Generator) -> None:
+    mechanism = shipped(name)
+    q = home(mechanism)
+    mode, stopped = assembly_sign(mechanism, q), 0
+    for _ in range(60):
+        k = int(rng.integers(len(mechanism.inputs)))
+        here = q[mechanism.actuated[k]]
+        found = drive(mechanism, moved(mechanism, q, k, here + rng.uniform(-1.5, 1.5)), q)
+        assert np.abs(residual(mechanism, found.q)).max() < 1e-9
+        assert assembly_sign(mechanism, found.q) == mode
+        if not found.converged:
+            stopped += 1
+            # It stops where the mode ends.
+            assert motions(mechanism, found.q).input_ratio < 0.02
+        q = mechanism.fold(found.q)
+    assert 5 < stopped < 55
+
+
+@pytest.mark.parametrize("name", tiered(NAMES, ("four_bar",)))
+def test_type_2_is_left_to_where_the_loops_close(name: str) -> None:
+    mechanism = shipped(name)
+    ends = [p for p in analyzed(name).points if p.range_end]
+    assert ends
+    for point in ends:
+        k = mechanism.inputs.index(point.moving)
+        goals = (moved(mechanism, point.q, k, point.inputs[k] + step) for step in (-0.1, 0.1))
+        ways = {w.converged: w for w in (drive(mechanism, x, point.q) for x in goals)}
+        assert set(ways) == {False, True}
+        assert motions(mechanism, ways[True].q).kind() == "regular"
+
+
+def test_no_curve_begins_at_open_loops() -> None:
+    mechanism = shipped("five_bar")
+    with pytest.raises(PinsingError, match="do not close at the start"):
+        trace(mechanism, np.array([0.0, 0.0, np.pi, 0.0]), 0)
+
+
+def _locked(name, middle, rng):
+    """Closed configurations at which the middle hinge of a ball is at a right angle."""
+    mechanism = shipped(name).without_limits()
+    loops, free = BatchLoops(mechanism), np.array(mechanism.joints) != middle
+    Q = rng.uniform(-1, 1, (80, mechanism.n)) * np.where(mechanism.prismatic, 1, np.pi)
+    Q[:, ~free] = np.pi / 2
+    found, error = newton(loops, Q, free)
+    return mechanism, loops, found[error <= 1e-11]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", tiered(["rps3", "delta", "gough_stewart"], {"rps3"}))
+def test_a_gimbal_lock_is_singular_only_where_the_pose_is(name, rng):
+    mechanism, loops, Q = _locked(name, "s1y", rng)
+    assert len(Q) > 5
+    ball = [mechanism.joints.index(x) for x in ("s1x", "s1y", "s1z")]
+    forms = pose_forms(mechanism)
+    many = measure_many(loops, Q)
+    told = set()
+    for q, kind, two in zip(Q, kinds_of(many), many[1], strict=True):
+        # The hinges turn idly, the loops closed: as written this would be of type 2.
+        columns = loops.closure(q[None])[1][0][:, ball]
+        assert np.linalg.svd(columns, compute_uv=False)[-1] < 1e-9
+        state = mechanism_at(mechanism, q)
+        assert kind == ("near" if state.near else state.kind)
+        assert two == pytest.approx(state.input_ratio, rel=1e-7, abs=1e-11)
+        told.add(state.kind)
+        if name != "delta":  # its equation is of the output that does not turn
+            assert (state.kind != "regular") == (locus_distance(mechanism, forms, q) < 1e-9)
+    # Hinges of the base across the ball's: a 3-RPS is of type 2 wherever that ball locks.
+    assert ("type 2" in told) if name == "rps3" else (told == {"regular"})
+
+
+def test_beside_a_lock_measures_go_on_smoothly(rng):
+    """With balls whole a measure does not fall to zero with the angle to the lock."""
+    mechanism, loops, Q = _locked("gough_stewart", "s1y", rng)
+    middle = np.array(mechanism.joints) == "s1y"
+    at = motions(mechanism, Q[0]).input_ratio
+    found, error = newton(loops, Q[0] + np.outer([1e-3, 1e-5, 1e-7], middle), ~middle)
+    assert error.max() <= 1e-11
+    for q in found:
+        assert motions(mechanism, q).input_ratio == pytest.approx(at, rel=0.2)
+
+
+def test_a_driven_elbow_is_told_like_another() -> None:
+    links = {"one": ((0.0, 0.0), [("a", 0.6), ("b", 0.7)]),
+             "two": ((1.0, 0.0), [("c", 0.6), ("d", 0.7)])}  # fmt: skip
+    loops = [Loop("one_end", "two_end", "3d")]
+    made = from_model(planar_tree(links), loops, ["a", "b", "c"], "one_end", "vx,vy")
+    found = working_modes(made, output_pose(made, home(made)).homogeneous).modes
+    assert len({s.mode for s in found}) == len(found) == 4
+
+
+def test_only_what_the_output_can_do_is_led() -> None:
+    """A turn about one axis is an angle; of what is coupled, as many rows as there are freedoms."""
+    assert led_pose(shipped("delta")) == {"rows": [0, 1, 2], "turn": None}
+    assert led_pose(shipped("gough_stewart"))["turn"] == {"kind": "full"}
+    assert led_pose(shipped("rps3")) == {"rows": [2, 3, 4], "turn": {"kind": "angles"}}
+    assert led_pose(shipped("planar_3rrr"))["turn"]["kind"] == "axis"
+    four = replace(four_bar(0.9, 0.3, 0.8, 0.6), output="one_end", task=parse_task("vx,vy,wz"))
+    assert len(led_pose(four)["rows"]) == 1
+
+
+def test_what_has_an_elbow() -> None:
+    """A leg on a sphere, and a rod that leaves the plane of its crank; no leg that lengthens."""
+    for name, number, mode in (
+        ("agile_eye", 3, "assembly +, elbows ---"),
+        ("rssr", 1, "assembly +, elbows +"),
+        ("gough_stewart", 0, "assembly +"),
+    ):
+        mechanism = shipped(name)
+        assert len(elbows(mechanism)) == number
+        assert mode_of(mechanism, home(mechanism)) == mode

@@ -40,9 +40,6 @@ def is_outside(ax: Axes) -> bool:
     return not ax.get_legend().get_window_extent().overlaps(ax.get_window_extent())
 
 
-# Curves -----------------------------------------------------------------------------
-
-
 @pytest.mark.slow
 def test_curves_carry_the_data_of_the_sweep(stanford_sweep: SweepResult) -> None:
     ax = plot.sigma_curves(stanford_sweep)
@@ -88,9 +85,6 @@ def test_every_true_zero_is_marked_with_the_arm_alone() -> None:
     assert "$q_{1}$ = " in said
     with pytest.raises(OptionError, match="other joints"):
         plot.sigma_curves(result, arm=textbook("planar3r"))
-
-
-# Map --------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -152,9 +146,6 @@ def test_a_family_of_two_values_is_a_set_of_points() -> None:
         probe = q.copy()
         probe[[1, 5]] = point
         assert singular_values(arm, probe[None])[0, -1] < 1e-9
-
-
-# Ellipsoids -------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -278,9 +269,6 @@ def test_a_flat_ellipsoid_is_a_plate_with_its_lost_direction() -> None:
     assert "translational: lost direction" in labels(ax)
 
 
-# Along ------------------------------------------------------------------------------
-
-
 @pytest.mark.slow
 def test_singular_values_along_a_way() -> None:
     arm = ur5()
@@ -317,9 +305,6 @@ def test_families_are_marked_where_a_way_meets_them() -> None:
         plot.sigma_along(arm, np.zeros((3, 6)))
 
 
-# Workspace --------------------------------------------------------------------------
-
-
 def test_a_slice_holds_the_best_of_each_place() -> None:
     from pinsing.kinematics.jacobian import tip_poses
 
@@ -341,9 +326,6 @@ def test_a_slice_holds_the_best_of_each_place() -> None:
     assert "clearance" in far.figure.axes[-1].get_ylabel()
     with pytest.raises(OptionError, match="three"):
         plot.workspace(arm, [ax], samples=500)
-
-
-# Ticks, and the command -------------------------------------------------------------
 
 
 def test_multiples_of_pi() -> None:

@@ -283,9 +283,6 @@ def test_a_mechanism(tmp_path: Path) -> None:
     assert names == ["home", "zero", "far", "asked"]  # joints without limits have no middle
 
 
-# Files ------------------------------------------------------------------------------
-
-
 def run(*words: str) -> Any:
     return CliRunner().invoke(report_command, list(words))
 
@@ -340,9 +337,6 @@ def test_the_same_twice() -> None:
     ]
     assert same[0] == same[1]
     assert "1970-01-01 00:00 UTC" in pages[0]
-
-
-# In a browser -----------------------------------------------------------------------
 
 
 @pytest.mark.slow

@@ -1,15 +1,21 @@
-"""The page computes of a mechanism what Python computes: measures, modes, words, ranges, paths."""
+"""The page computes of a mechanism what Python computes: measures, modes, ranges, paths, poses."""
 
 import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from mechanisms import analyzed, asked, from_model, placed, planar_tree, shipped
+from arms import place
+from mechanisms import analyzed, asked, data_of, from_model, placed, planar_tree, shipped
 from node import needs_node
 from tiers import tiered
+from urdf_text import J, X, carried, frame, loop_text, written
 
 from pinsing.loops import (
+    MechanismState,
     assemblies,
     drive,
     home,
@@ -20,8 +26,8 @@ from pinsing.loops import (
     working_modes,
 )
 from pinsing.loops.closure import BatchLoops, Loops, newton, output_pose, planar_dyad, random_closed
-from pinsing.loops.motion import assembly_sign
-from pinsing.robot.mechanism import Loop, Mechanism
+from pinsing.loops.motion import assembly_sign, read_pose
+from pinsing.robot.mechanism import Loop, Mechanism, load_mechanism
 from pinsing.view.mechanism_viewer import groups, linkage_sizes
 
 pytestmark = needs_node
@@ -36,31 +42,25 @@ WORDS = {
 def slider_crank() -> Mechanism:
     """A crank that drives a piston: one joint slides, between limits."""
     model = planar_tree({"one": ((0.0, 0.0), [("crank", 0.3), ("rod", 0.8)])})
-    piston = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "piston")
-    model.addFrame(pin.Frame("head", piston, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    piston = model.addJoint(0, pin.JointModelPX(), place(), "piston")
+    model.addFrame(pin.Frame("head", piston, 0, place(), pin.FrameType.OP_FRAME))
     home, loop = {"crank": 0.7, "rod": -0.9, "piston": 0.9}, Loop("one_end", "head", "planar")
     return from_model(model, [loop], ["crank"], "head", "vx", {"piston": (0.2, 1.2)}, home)
 
 
 def spherical() -> Mechanism:
     """Four axes through one point, the last link welded to the ground: a loop in space."""
-    model = pin.Model()
+    model, parent, there = pin.Model(), 0, pin.SE3.Identity()
     model.name = "spherical"
-    parent = 0
-    turns = (0.0, 0.5, 1.1, 0.9)
-    for name, turn in zip("abcd", turns, strict=True):
-        place = pin.SE3(pin.rpy.rpyToMatrix(turn, 0.0, 0.0), np.zeros(3))
-        parent = model.addJoint(parent, pin.JointModelRUBZ(), place, name)
-    start = np.array([0.4, 0.7, -0.5, 0.9])
-    model.addFrame(pin.Frame("end", parent, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
-    data = model.createData()
-    values = np.stack([np.cos(start), np.sin(start)], axis=1).ravel()
-    pin.framesForwardKinematics(model, data, values)
-    there = pin.SE3(data.oMf[model.getFrameId("end")])
-    model.addFrame(pin.Frame("ground", 0, 0, there, pin.FrameType.OP_FRAME))
-    middle = pin.SE3(np.eye(3), np.array([0.0, 0.2, 0.3]))
-    model.addFrame(pin.Frame("tool", 2, 0, middle, pin.FrameType.OP_FRAME))
-    home = dict(zip("abcd", start, strict=True))
+    home = {"a": 0.4, "b": 0.7, "c": -0.5, "d": 0.9}
+    for (name, angle), turn in zip(home.items(), (0.0, 0.5, 1.1, 0.9), strict=True):
+        at = place(R=pin.rpy.rpyToMatrix(turn, 0.0, 0.0))
+        parent = model.addJoint(parent, pin.JointModelRUBZ(), at, name)
+        there = there * at * place(R=pin.rpy.rpyToMatrix(0.0, 0.0, angle))
+    for name, joint, at in (
+        ("end", parent, place()), ("ground", 0, there), ("tool", 2, place((0.0, 0.2, 0.3)))
+    ):  # fmt: skip
+        model.addFrame(pin.Frame(name, joint, 0, at, pin.FrameType.OP_FRAME))
     return from_model(model, [Loop("ground", "end", "6d")], ["a"], "tool", "wx,wy,wz", home=home)
 
 
@@ -81,6 +81,29 @@ def closed(mechanism: Mechanism, count: int) -> list[np.ndarray]:
     return found
 
 
+STATES = """Q.map((q) => {
+  const s = m.stateAt(data, q), c = m.closure(data, q);
+  return { places: [...c.places, s.place].map(({ R, t }) => [...R.flat(), ...t]),
+           sigma: m.svd(c.G).sigma, basis: m.motions(data, q).basis, one: s.one, two: s.two,
+           constraint: s.constraint, kind: s.kind, near: s.near, mode: s.mode,
+           velocity: s.velocity }; })"""
+
+
+def states(
+    mechanism: Mechanism, Q: Any, slack: float
+) -> Iterator[tuple[np.ndarray, dict[str, Any], MechanismState]]:
+    """Configurations with what the page and what Python say there; measures and verdict agree."""
+    for q, here in zip(Q, asked(mechanism, STATES, Q=Q), strict=True):
+        state = mechanism_at(mechanism, q)
+        assert (here["kind"], here["near"]) == (state.kind, state.near), q.tolist()
+        assert here["constraint"] == pytest.approx(state.constraint_ratio, abs=slack)
+        # The motions themselves lose digits where the closure does.
+        lost = slack / max(state.constraint_ratio, 1e-9)
+        assert here["one"] == pytest.approx(state.output_ratio, abs=lost)
+        assert here["two"] == pytest.approx(state.input_ratio, abs=lost)
+        yield q, here, state
+
+
 @pytest.mark.parametrize("name", tiered(EVERY, {"five_bar"}))
 def test_frames_measures_and_verdicts_agree(name: str) -> None:
     """Loops of all three kinds, sliding joints; what is singular is among them."""
@@ -88,34 +111,14 @@ def test_frames_measures_and_verdicts_agree(name: str) -> None:
     Q = closed(mechanism, 40)
     if name in SHIPPED:
         Q += [p.q for p in analyzed(name).points]
-    found = asked(
-        mechanism,
-        """Q.map((q) => { const s = m.stateAt(data, q), c = m.closure(data, q);
-             return { places: c.places.map(({ R, t }) => [...R.flat(), ...t]),
-                      tip: [...s.place.R.flat(), ...s.place.t], sigma: m.svd(c.G).sigma,
-                      one: s.one, two: s.two, constraint: s.constraint, kind: s.kind,
-                      near: s.near, mode: s.mode, velocity: s.velocity }; })""",
-        Q=Q,
-    )
     loops = Loops(mechanism)
     kinds = set()
-    for q, here in zip(Q, found, strict=True):
-        state = mechanism_at(mechanism, q)
-        joints = list(placed(mechanism, q).oMi)[1:]
-        places = [[*place.rotation.ravel(), *place.translation] for place in joints]
-        np.testing.assert_allclose(here["places"], places, atol=1e-12)
-        place = loops.output(q)[0]
-        np.testing.assert_allclose(
-            here["tip"], [*place.rotation.ravel(), *place.translation], atol=1e-12
-        )
+    for q, here, state in states(mechanism, Q, 1e-10):
+        places = [*list(placed(mechanism, q).oMi)[1:], loops.output(q)[0]]
+        flat = [[*at.rotation.ravel(), *at.translation] for at in places]
+        np.testing.assert_allclose(here["places"], flat, atol=1e-12)
         sigma = np.linalg.svd(loops.scaled(q)[1], compute_uv=False)
         np.testing.assert_allclose(here["sigma"], sigma, atol=1e-10 * sigma[0])
-        assert here["constraint"] == pytest.approx(state.constraint_ratio, abs=1e-10)
-        # The motions themselves lose digits where the closure does.
-        slack = 1e-10 / max(state.constraint_ratio, 1e-9)
-        assert here["one"] == pytest.approx(state.output_ratio, abs=slack)
-        assert here["two"] == pytest.approx(state.input_ratio, abs=slack)
-        assert (here["kind"], here["near"]) == (state.kind, state.near), q.tolist()
         if state.kind in ("regular", "type 1") and not state.near:
             assert here["mode"] == state.mode
             np.testing.assert_allclose(
@@ -136,24 +139,23 @@ def test_what_is_shown_is_what_python_says(name: str) -> None:
     sizes = linkage_sizes(mechanism)
     found = asked(mechanism, "Q.map((q) => m.mechanismFrame(data, q))", Q=Q)
     shown = set()
-    for q, frame in zip(Q, found, strict=True):
+    for q, here in zip(Q, found, strict=True):
         state = mechanism_at(mechanism, q)
-        assert (frame["kind"], frame["mode"]) == (state.kind, state.mode)
+        assert (here["kind"], here["mode"]) == (state.kind, state.mode)
         shown.add(state.kind)
-        told = [*(m["words"] for m in frame["lost"]), *frame["given"]]
+        told = [*(m["words"] for m in here["lost"]), *here["given"]]
         assert WORDS.get((name, state.kind), "") in " ".join(told)
         assert not any(re.search("[a-z][A-Z]", word) for word in told)  # a name of the program
-        assert bool(frame["lost"]) == (state.kind in ("type 1", "type 3"))
-        assert bool(frame["hot"]) == (state.kind not in ("regular", "constraint"))
-        assert (frame["condition"] is None) == (state.kind != "regular")  # infinite
+        assert bool(here["lost"]) == (state.kind in ("type 1", "type 3"))
+        assert bool(here["hot"]) == (state.kind not in ("regular", "constraint"))
+        assert (here["condition"] is None) == (state.kind != "regular")  # infinite
         for kind in ("translation", "rotation"):
-            drawn = frame["ellipsoids"]["all"][kind]["drawn"]
+            drawn = here["ellipsoids"]["all"][kind]["drawn"]
             assert max(drawn) <= 0.6 * sizes.reach + 1e-9
     assert {"regular", "type 1", "type 2"} <= shown
     if name == "five_bar":
         e = found[0]["ellipsoids"]["all"]["translation"]
         velocity = mechanism_at(mechanism, Q[0]).velocity
-        assert velocity is not None
         R = pin.Quaternion(np.array(e["turn"])).toRotationMatrix()
         drawn = (R @ np.diag(np.square(e["drawn"])) @ R.T)[:2, :2]
         expected = sizes.translation**2 * velocity @ velocity.T
@@ -165,9 +167,8 @@ def test_what_is_shown_is_what_python_says(name: str) -> None:
 def test_lost_wrenches_do_no_work_and_free_motions_need_no_motor(name: str) -> None:
     mechanism = shipped(name)
     rows = list(mechanism.task.rows)
-    q = [
-        next(p.q for p in analyzed(name).points if p.kind == kind) for kind in ("type 1", "type 2")
-    ]
+    kinds = ("type 1", "type 2")
+    q = [next(p.q for p in analyzed(name).points if p.kind == kind) for kind in kinds]
     one, two = (mechanism_at(mechanism, x) for x in q)
     lost, free = asked(
         mechanism,
@@ -175,7 +176,6 @@ def test_lost_wrenches_do_no_work_and_free_motions_need_no_motor(name: str) -> N
         one=[one.position, one.lost[:, 0]],
         two=[two.position, two.uncontrolled[:, 0]],
     )
-    assert one.velocity is not None
     wrench = np.concatenate([lost["force"], lost["moment"]])[rows]
     np.testing.assert_allclose(wrench @ one.velocity, 0, atol=1e-8)
     if lost["line"] is not None:  # the same force, on its line, has no moment left
@@ -248,9 +248,9 @@ def test_modes_agree(name: str) -> None:
     inputs = q[list(mechanism.actuated)]
     expected = [s.q for s in assemblies(mechanism, inputs)]
     listed = [np.array(mode["q"]) for mode in found["assemblies"]]
+    assert len(listed) == len(expected)
     for there in expected:
         assert min(np.abs(mechanism.fold(x - there)).max() for x in listed) < 1e-8
-    assert len(listed) == len(expected)
     assert sum(mode["here"] for mode in found["assemblies"]) == 1
     dyad = planar_dyad(mechanism)
     if dyad is not None:
@@ -277,14 +277,10 @@ def test_singular_points_are_refined_to_the_same_place(name: str) -> None:
     mechanism = shipped(name)
     rng = np.random.default_rng(2)
     held = list(mechanism.actuated)[1:]
-    cases = [
-        {"q": p.q + rng.normal(0, 0.02, mechanism.n), "kind": p.kind}
-        for p in analyzed(name).points
-        if p.kind in ("type 1", "type 2")
-    ][:12]
-    for case, p in zip(cases, analyzed(name).points, strict=False):
-        for j in held:
-            case["q"][j] = p.q[j]
+    points = [p for p in analyzed(name).points if p.kind in ("type 1", "type 2")][:12]
+    aside = rng.normal(0, 0.02, (len(points), mechanism.n))
+    aside[:, held] = 0
+    cases = [{"q": p.q + x, "kind": p.kind} for p, x in zip(points, aside, strict=True)]
     code = "cases.map(({q, kind}) => m.refinePoint(data, q, kind, held))"
     found = asked(mechanism, code, cases=cases, held=held)
     converged = 0
@@ -302,26 +298,24 @@ def test_singular_points_are_refined_to_the_same_place(name: str) -> None:
 @pytest.mark.parametrize("name", tiered(SHIPPED, ("four_bar",)))
 def test_paths_lead_into_singularities_and_along_them(name: str) -> None:
     mechanism = shipped(name)
-    listed = groups(mechanism, analyzed(name))
+    listed = [group for group in groups(mechanism, analyzed(name)) if group.points]
     cases = [
         {"q": p.q, "kind": p.kind, "converged": p.converged,
          "moving": mechanism.inputs.index(p.moving) if p.moving else -1}
-        for p in (group.points[0] for group in listed if group.points)
+        for p in (group.points[0] for group in listed)
     ]  # fmt: skip
     code = "cases.map((p) => [m.mechanismInto(data, p), m.mechanismAlong(data, p)])"
     found = asked(mechanism, code, cases=cases)
     played = 0
-    for group, (into, along) in zip([g for g in listed if g.points], found, strict=True):
-        point = group.points[0]
+    for group, (into, along) in zip(listed, found, strict=True):
         if not into:
             assert "isolated points" in group.more
             continue
         assert mechanism_at(mechanism, into[0]).kind == "regular"
-        assert mechanism_at(mechanism, into[-1]).kind == point.kind
+        kinds = {mechanism_at(mechanism, q).kind for q in (into[-1], *along[::6])}
+        assert kinds == {group.points[0].kind}
         assert np.abs(np.diff(into, axis=0)).max() < 0.2
         assert bool(along) == (len(mechanism.inputs) > 1)
-        for q in along[::6]:
-            assert mechanism_at(mechanism, q).kind == point.kind
         if along:
             played += 1
             assert np.ptp(along, axis=0).max() > 0.2
@@ -345,9 +339,7 @@ def test_the_healthiest_pose_is_within_limits_and_regular(name: str) -> None:
     assert state.kind == "regular"
     measures = (state.output_ratio, state.input_ratio, state.constraint_ratio)
     assert found["measure"] == pytest.approx(min(measures), abs=1e-8)
-    q = np.array(found["q"])
-    assert (q >= mechanism.lower - 1e-9).all()
-    assert (q <= mechanism.upper + 1e-9).all()
+    assert not mechanism.space.outside(np.array(found["q"]), 1e-9).any()
     assert min(measures) > 0.05
 
 
@@ -382,29 +374,170 @@ def test_whole_turns_are_left_out_and_what_is_too_far_is_refused() -> None:
 def test_a_gimbal_lock_of_a_file_s_ball_is_judged_as_in_python(name: str) -> None:
     """Closed with the middle hinge of a ball at a right angle, and beside it."""
     mechanism = shipped(name).without_limits()
-    loops = BatchLoops(mechanism)
-    rng = np.random.default_rng(4)
-    k = mechanism.joints.index("s1y")
+    rng, k = np.random.default_rng(4), mechanism.joints.index("s1y")
     Q = rng.uniform(-1, 1, (60, mechanism.n)) * np.where(mechanism.prismatic, 1, np.pi)
     Q[:, k] = np.pi / 2 + np.repeat([0, 1e-4, 0.05], 20)
-    Q, error = newton(loops, Q, np.arange(mechanism.n) != k)
+    Q, error = newton(BatchLoops(mechanism), Q, np.arange(mechanism.n) != k)
     Q = Q[error <= 1e-12]
     assert len(Q) > 8
-    found = asked(
-        mechanism,
-        """Q.map((q) => { const s = m.stateAt(data, q), f = m.motions(data, q);
-             return { one: s.one, two: s.two, constraint: s.constraint, kind: s.kind,
-                      near: s.near, basis: f.basis }; })""",
-        Q=Q,
-    )
-    for q, here in zip(Q, found, strict=True):
-        state, moved = mechanism_at(mechanism, q), motions(mechanism, q)
-        assert (here["kind"], here["near"]) == (state.kind, state.near)
-        assert here["constraint"] == pytest.approx(state.constraint_ratio, abs=1e-9)
-        assert here["one"] == pytest.approx(state.output_ratio, abs=1e-8)
-        assert here["two"] == pytest.approx(state.input_ratio, abs=1e-8)
+    for q, here, _ in states(mechanism, Q, 1e-9):
         # Both bases span the same motions of the joints.
-        ours, theirs = moved.basis, np.array(here["basis"]).T
+        ours, theirs = motions(mechanism, q).basis, np.array(here["basis"]).T
         both = np.hstack([ours, theirs])
         ranks = [np.linalg.matrix_rank(x, tol=1e-6) for x in (ours, theirs, both)]
         assert len(set(ranks)) == 1
+
+
+LED = {  # the coordinates that the outputs of the shelf can be led in
+    "five_bar": "x y", "four_bar": "turn", "planar_3rrr": "x y turn", "planar_3rpr": "x y turn",
+    "gough_stewart": "x y z roll pitch yaw", "delta": "x y z", "rps3": "z roll pitch",
+    "agile_eye": "roll pitch yaw", "bennett": "roll", "rssr": "roll",
+}  # fmt: skip
+
+
+def coordinates(mechanism: Mechanism, q: np.ndarray, rows: list[int]) -> np.ndarray:
+    place = output_pose(mechanism, q)
+    return np.concatenate([place.translation, pin.rpy.matrixToRpy(place.rotation)])[rows]
+
+
+def turned(gap: np.ndarray, rows: list[int]) -> np.ndarray:
+    return np.where(np.array(rows) > 2, np.sin(gap), gap)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LED)
+def test_an_output_is_led_to_a_pose_and_the_loops_stay_closed(name: str) -> None:
+    mechanism = shipped(name)
+    data = data_of(mechanism)
+    rows = data["pose"]["rows"]
+    aside = np.random.default_rng(5).uniform(-0.05, 0.05, (6, len(rows)))
+    goals = coordinates(mechanism, home(mechanism), rows) + aside
+    found = asked(
+        mechanism,
+        """({ names: data.pose.coordinates.map(({ symbol }) => symbol),
+             led: goals.map((g) => { const f = m.posed(data, g, data.home);
+               return { ...f, frame: m.mechanismFrame(data, f.q),
+                        worst: m.worst(m.closure(data, f.q).residual) }; }) })""",
+        goals=goals,
+    )
+    assert found["names"] == LED[name].split()
+    loops = Loops(mechanism)
+    for goal, here in zip(goals, found["led"], strict=True):
+        q = np.array(here["q"])
+        assert (here["reached"], here["stop"]) == (1, None)
+        assert here["worst"] <= 1e-10
+        assert np.abs(loops.scaled(q)[0]).max() <= 1e-10
+        poses = np.array([coordinates(mechanism, q, rows), here["frame"]["pose"]])
+        np.testing.assert_allclose(turned(poses - goal, rows), 0, atol=1e-10)
+        state = mechanism_at(mechanism, q)
+        assert (here["frame"]["kind"], here["frame"]["mode"]) == (state.kind, state.mode)
+        if len(rows) == len(mechanism.task.rows) and data["pose"]["turn"] != {"kind": "angles"}:
+            # What Python takes these numbers for is the same pose.
+            wanted, there = read_pose(mechanism, goal), output_pose(mechanism, q)
+            away = (there.translation - wanted.translation)[[k for k in rows if k < 3]]
+            np.testing.assert_allclose(away, 0, atol=1e-10)
+            if any(k > 2 for k in rows):
+                np.testing.assert_allclose(there.rotation, wanted.rotation, atol=1e-9)
+
+
+def slides_in_the_plane(folder: Path) -> Mechanism:
+    """3-PRR, its slides driven."""
+    legs = [
+        [
+            J(f"d{k}", "base", f"s{k}", (x, y, 0), X, "prismatic", (-3, 3), (0, 0, 0.3 + 2.0 * k)),
+            J(f"r{k}", f"s{k}", f"rod{k}"),
+            frame(f"e{k}", f"rod{k}", (0.9, 0, 0)),
+        ]
+        for k, (x, y) in enumerate([(0, 0), (1, 0.1), (0.4, 0.9)])
+    ]
+    joints, loops = carried(legs, [(0, 0), (0.5, 0), (0.2, 0.4)])
+    text = loop_text(loops, ["d0", "d1", "d2"], "out", "vx, vy, wz")
+    return load_mechanism(written(folder, joints, text))
+
+
+@pytest.mark.slow
+def test_ways_of_driven_slides_have_names_of_their_own_alike_on_the_page(tmp_path: Path) -> None:
+    mechanism = slides_in_the_plane(tmp_path)
+    q = home(mechanism)
+    found = working_modes(mechanism, output_pose(mechanism, q).homogeneous).modes
+    assert len(found) == 8
+    assert len({s.mode.split("elbows ")[1] for s in found}) == 8
+    said = asked(mechanism, "ways.map((q) => m.modeOf(data, q))", ways=[s.q for s in found])
+    assert said == [s.mode for s in found]
+    stop = {"why": "type 1", "joint": mechanism.joints.index("d0"), "q": q}
+    words = asked(mechanism, "m.stopWords(data, stop)", stop=stop)
+    assert words == "type 1 singularity: the rod of d0 square to its slide"
+    # Geometry: the rod of slide d0 leans ahead where it points along the slide.
+    for s in found:
+        angle = s.q[mechanism.joints.index("r0")]
+        assert s.mode.split("elbows ")[1][0] == ("+" if np.cos(angle) > 0 else "-")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", tiered(["planar_3rpr", "rps3", "five_bar"], {"five_bar"}))
+def test_where_a_pose_ends_a_limit_or_a_singularity_is_met(name: str) -> None:
+    mechanism = shipped(name)
+    data = data_of(mechanism)
+    found = asked(
+        mechanism,
+        """data.pose.rows.map((_, k) => {
+             const s = m.poseStretch(data, data.home, k, data.sizes.reach);
+             const start = m.poseOf(data, m.placeOf(data, data.home));
+             const beyond = (v) => start.map((x, i) => (i === k ? v : x));
+             const ends = [[s.lower - 0.01, s.below], [s.upper + 0.01, s.above]];
+             return { ...s, ends: ends.filter(([, stop]) => stop).map(([v, stop]) => (
+               { stop, words: m.stopWords(data, stop),
+                 again: m.posed(data, beyond(v), stop.q) })) };
+           })""",
+    )
+    kinds = set()
+    for k, reach in enumerate(found):
+        row = data["pose"]["rows"][k]
+        for end in reach["ends"]:
+            stop = end["stop"]
+            q = np.array(stop["q"])
+            assert np.abs(Loops(mechanism).scaled(q)[0]).max() <= 1e-10
+            (value,) = coordinates(mechanism, q, [row])
+            assert row > 2 or np.isclose(value, [reach["lower"], reach["upper"]]).any()
+            if stop["why"] == "limit":
+                j = stop["joint"]
+                room = min(q[j] - mechanism.lower[j], mechanism.upper[j] - q[j])
+                assert room == pytest.approx(0, abs=1e-5)
+                assert mechanism.joints[j] in end["words"]
+                assert "is at its limit" in end["words"]
+            else:
+                assert stop["why"] == "type 1"
+                assert mechanism_at(mechanism, q).output_ratio < 1e-3
+            # From there it goes no further, and the same reason is given.
+            assert end["again"]["reached"] < 1e-3
+            assert end["again"]["stop"]["why"] == stop["why"]
+            assert not mechanism.space.outside(np.array(end["again"]["q"])).any()
+            kinds.add(stop["why"])
+    assert kinds == {"planar_3rpr": {"limit"}, "rps3": {"limit"}, "five_bar": {"type 1"}}[name]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["agile_eye", "delta"])
+def test_all_working_modes_of_the_pose_are_listed_by_name(name: str) -> None:
+    """Those that Python finds, each with the pose kept, the loops closed and a name of its own."""
+    mechanism = shipped(name)
+    q = home(mechanism)
+    found = asked(mechanism, "m.modesAt(data, q).working", q=q)
+    pose = output_pose(mechanism, q)
+    expected = np.array([s.inputs for s in working_modes(mechanism, pose).modes])
+    # A Delta's platform can be twisted at the same place: the page seeks from fewer starts.
+    assert len(found) == len(expected) if name == "agile_eye" else len(found) >= 1
+    assert len({mode["name"] for mode in found}) == len(found)
+    driven = list(mechanism.actuated)
+    for mode in found:
+        there = np.array(mode["q"])
+        assert np.abs(Loops(mechanism).scaled(there)[0]).max() <= 1e-10
+        reached = output_pose(mechanism, there)
+        np.testing.assert_allclose(reached.translation, pose.translation, atol=1e-8)
+        assert not mechanism.space.outside(there).any()
+        gap = np.sin((expected - there[driven]) / 2)
+        assert np.abs(gap).max(axis=1).min() < 1e-6
+    if name == "agile_eye":
+        signs = {mode["name"].split("elbows ")[1] for mode in found}
+        assert len(signs) == len(found) == 8
+        assert not any("0" in s for s in signs)

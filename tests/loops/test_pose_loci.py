@@ -1,55 +1,35 @@
 """Singular loci over the pose in closed form, against geometry written here without pinsing."""
 
+import re
 from dataclasses import replace
+from xml.etree import ElementTree
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pinocchio as pin
 import pytest
 from command_line import run
-from mechanisms import URDF, from_model, planar_tree, shipped, value
-from urdf_text import J, frame, loop_text, written
+from mechanisms import URDF, closed_and_refined, shipped, value
+from platforms import (
+    Way,
+    equation_values,
+    hinged,
+    lines_in_plane,
+    named,
+    planar,
+    pluecker,
+    rotation,
+    rps,
+    turned,
+    turned_in_plane,
+)
+from tiers import tiered_rows
+from urdf_text import J, X, carried, frame, loop_text, row, written
 
 import pinsing
-from pinsing.loops import PoseForms, mechanism_at, pose_forms, refine
+from pinsing.loops import PoseForms, mechanism_at, pose_forms
 from pinsing.loops.closure import Loops, random_closed
-from pinsing.loops.legs import rods
+from pinsing.loops.legs import most_assemblies, rods, why_no_rods
 from pinsing.loops.pose_loci import PoseRing, _loci, _split, _type1, variables_at
-from pinsing.plot.mechanism import border_field, colors, regions
-from pinsing.robot.mechanism import Loop
-
-
-def rotation(e):
-    """Of a unit quaternion, by its own formula."""
-    w, v = e[0], np.array(e[1:])
-    K = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
-    return np.eye(3) + 2 * w * K + 2 * K @ K
-
-
-def pluecker(a, b):
-    """Line through two points: direction and moment about the origin."""
-    return np.concatenate([b - a, np.cross(a, b)])
-
-
-def equation_values(forms, rows):
-    """Product of all type 2 (and constraint) loci at rows of variables."""
-    out = np.ones(len(rows))
-    for locus in forms.loci:
-        if locus.kind != "type 1":
-            out *= [value(locus.equation, row) for row in rows]
-    return out
-
-
-def poses(count, rng):
-    out = []
-    for _ in range(count):
-        e = rng.normal(size=4)
-        out.append((rng.uniform(-1, 1, 3), e / np.linalg.norm(e)))
-    return out
-
-
-def named(at, e):
-    return {**dict(zip("xyz", at, strict=True)), **{f"e{k}": v for k, v in enumerate(e)}}
 
 
 @pytest.mark.slow
@@ -79,66 +59,43 @@ def test_hunts_pose_of_the_6_3():
     """Two base points in the platform's plane: all six legs cut one edge of the platform."""
     forms = pose_forms(shipped("stewart_6_3"))
     a, b = (np.array([np.cos(t), np.sin(t), 0]) for t in np.radians([220, 260]))
-    along, tilt = (b - a) / np.linalg.norm(b - a), 0.7
+    along = (b - a) / np.linalg.norm(b - a)
     for tilt in (0.4, 0.9):
         # Turned about the line through both points: the plane of the platform holds it.
-        turn = pin.AngleAxis(tilt, along)
-        at = a + turn.matrix() @ np.array([0.3, 0.9, 0.0])
-        q = pin.Quaternion(turn.matrix())
-        value = equation_values(forms, [named(at, (q.w, q.x, q.y, q.z))])
-        assert abs(value[0]) < 1e-12
-        off = at + 0.05 * turn.matrix() @ np.array([0.0, 0.0, 1.0])
-        assert abs(equation_values(forms, [named(off, (q.w, q.x, q.y, q.z))])[0]) > 1e-5
+        turn = turned(along, tilt)
+        e = pin.Quaternion(turn).coeffs()[[3, 0, 1, 2]]
+        at = a + turn @ np.array([0.3, 0.9, 0.0])
+        on, off = np.abs(equation_values(forms, [named(at + d * turn[:, 2], e) for d in (0, 0.05)]))
+        assert on < 1e-12
+        assert off > 1e-5
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_random_3rrr_are_singular_where_rods_meet_or_cranks_are_stretched(seed):
+def test_random_3rrr_are_singular_where_rods_meet_or_cranks_are_stretched(seed, tmp_path):
     rng = np.random.default_rng(seed)
     pivots = np.round(rng.uniform(-1, 1, (3, 2)), 3)
     corners = np.round(rng.uniform(-0.3, 0.3, (3, 2)), 3)
     cranks, bars = np.round(rng.uniform(0.4, 0.8, (2, 3)), 3)
-    chains = {
-        "one": (tuple(pivots[0]), [("a1", cranks[0]), ("b1", bars[0]), ("c1", 0.0)]),
-        "two": (tuple(pivots[1]), [("a2", cranks[1]), ("b2", bars[1])]),
-        "three": (tuple(pivots[2]), [("a3", cranks[2]), ("b3", bars[2])]),
-    }
-    model = planar_tree(chains)
-    top = model.getJointId("c1")
-    for k in (1, 2):
-        place = pin.SE3(np.eye(3), np.array([*(corners[k] - corners[0]), 0.0]))
-        model.addFrame(pin.Frame(f"v{k}", top, 0, place, pin.FrameType.OP_FRAME))
-    mechanism = from_model(
-        model,
-        [Loop("two_end", "v1", "3d"), Loop("three_end", "v2", "planar")],
-        ["a1", "a2", "a3"],
-        "one_end",
-        "vx,vy,wz",
-    )
+    way = Way("rrr", base=pivots, platform=corners, crank=cranks, rod=bars)
+    mechanism = planar(tmp_path, way)
     forms = pose_forms(mechanism)
-    kinds = [x.kind for x in forms.loci]
-    assert kinds.count("type 1") == 3
     rows, dets, arms = [], [], []
     for q in random_closed(mechanism, 10, rng)[:6]:
         at = variables_at(mechanism, q)
         rows.append(at)
         turn = np.array([[at["cos φ"], -at["sin φ"]], [at["sin φ"], at["cos φ"]]])
-        lines = []
-        for k, name in enumerate(("a1", "a2", "a3")):
-            along = np.array([at[f"cos {name}"], at[f"sin {name}"]])
-            C = pivots[k] + cranks[k] * along
-            B = np.array([at["x"], at["y"]]) + turn @ (corners[k] - corners[0])
-            d = B - C
-            lines.append([*d, C[0] * d[1] - C[1] * d[0]])
-            arms.append(along[0] * d[1] - along[1] * d[0])
-            assert np.linalg.norm(d) == pytest.approx(bars[k])
-        dets.append(np.linalg.det(lines))
+        along = np.array([[at[f"cos a{k}"], at[f"sin a{k}"]] for k in range(3)])
+        C = pivots + cranks[:, None] * along
+        B = np.array([at["x"], at["y"]]) + corners @ turn.T
+        np.testing.assert_allclose(np.linalg.norm(B - C, axis=1), bars)
+        dets.append(np.linalg.det(lines_in_plane(C, B)))
+        arms.append(np.linalg.det(np.stack([along, B - C], axis=1)))
     ratio = np.array(dets) / equation_values(forms, rows)
     np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
-    stretched = [x for x in forms.loci if x.kind == "type 1"]
-    for k, row in enumerate(rows):
-        for i, locus in enumerate(stretched):
-            here, first = (value(locus.equation, x) for x in (row, rows[0]))
-            assert here * arms[i] == pytest.approx(first * arms[3 * k + i], abs=1e-9)
+    stretched = [x.equation for x in forms.loci if x.kind == "type 1"]
+    shares = [[value(x, row) for x in stretched] for row in rows] / np.array(arms)
+    np.testing.assert_allclose(shares, np.tile(shares[:1], (6, 1)), rtol=1e-6)
+    assert shares.shape == (6, 3)
 
 
 def test_3rpr_is_singular_where_its_lines_meet(rng):
@@ -147,12 +104,9 @@ def test_3rpr_is_singular_where_its_lines_meet(rng):
     platform = np.array([[-0.25, -0.2], [0.35, -0.2], [0, 0.3]])
     rows, dets = [], []
     for x, y, angle in rng.uniform(-2, 2, (8, 3)):
-        c, s = np.cos(angle), np.sin(angle)
-        ends = np.array([x, y]) + platform @ np.array([[c, s], [-s, c]])
-        d = ends - base
-        moment = base[:, 0] * d[:, 1] - base[:, 1] * d[:, 0]
-        dets.append(np.linalg.det(np.column_stack([d, moment])))
-        rows.append({"x": x, "y": y, "cos φ": c, "sin φ": s})
+        ends = np.array([x, y]) + platform @ turned_in_plane(angle).T
+        dets.append(np.linalg.det(lines_in_plane(base, ends)))
+        rows.append({"x": x, "y": y, "cos φ": np.cos(angle), "sin φ": np.sin(angle)})
     ratio = np.array(dets) / equation_values(forms, rows)
     np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
     assert "meet in one point or are parallel" in forms.loci[0].words
@@ -165,8 +119,7 @@ def irregular_delta(off):
     sizes = zip((0.0, 100.0, 215.0), (0.3, 0.25, 0.28), (0.14, 0.1, 0.12), strict=True)
     joints = dict.fromkeys(r.joint for r in found.rods)
     for joint, (angle, base, top) in zip(joints, sizes, strict=True):
-        turn = np.radians(angle)
-        out_, across = (np.array([np.cos(t), np.sin(t), 0]) for t in (turn, turn + np.pi / 2))
+        out_, across = turned_in_plane(np.radians(angle)).T @ np.eye(2, 3)
         for side in (0.06, -0.06):
             mine = next(r for r in found.rods if r.joint == joint)
             inner = base * out_ + side * across
@@ -232,8 +185,7 @@ def test_loci_of_the_delta(rng):
             row |= {f"cos a{k}": np.cos(a), f"sin a{k}": np.sin(a)}
         directions, normals = [], []
         for k, (turn, a) in enumerate(zip(np.radians([0, 120, 240]), angles, strict=True), 1):
-            out = np.array([np.cos(turn), np.sin(turn), 0])
-            across = np.array([-np.sin(turn), np.cos(turn), 0])
+            out, across = turned_in_plane(turn).T @ np.eye(2, 3)
             elbow = base * out + crank * (np.cos(a) * out + np.sin(a) * np.array([0, 0, 1]))
             d = at + top * out - elbow
             directions.append(d)
@@ -263,34 +215,6 @@ def test_loci_agree_with_the_measures_of_3rps(rng):
         assert np.abs(loops.scaled(q)[0]).max() < 1e-10
 
 
-def hinged(rng):
-    """Corners of the base, axes there and corners of the platform of a 3-RPS at random."""
-    turns = np.array([0.0, 2.0, 4.2]) + rng.uniform(-0.2, 0.2, 3)
-    hinges = np.stack([-np.sin(turns), np.cos(turns), 0 * turns], axis=1).round(2)
-    base = np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1).round(2)
-    platform = 0.5 * base + np.round(rng.uniform(-0.1, 0.1, (3, 3)), 2)
-    return base, hinges, platform
-
-
-def rps(folder, base, hinges, platform, rows="vz, wx, wy"):
-    """A general 3-RPS: feet, hinge axes (level) and platform points."""
-    joints, loops = [], []
-    for k, (a, n) in enumerate(zip(base, hinges, strict=True)):
-        joints.append(J(f"r{k}", "base", f"c{k}", a, n))
-        joints.append(J(f"p{k}", f"c{k}", f"rod{k}", axis=(0, 0, 1), kind="prismatic",
-                        limits=(0.3, 3)))  # fmt: skip
-        if k == 0:
-            for axis, link in zip(np.eye(3), ("wa", "wb", "platform"), strict=True):
-                joints.append(J(f"s{link}", joints[-1].child, link, axis=axis))
-        else:
-            joints.append(frame(f"b{k}", "platform", platform[k] - platform[0]))
-            loops.append((f"rod{k}", f"b{k}"))
-    joints.append(frame("out", "platform", -platform[0]))
-    home = {f"p{k}": 0.8 for k in range(3)}
-    text = loop_text(loops, ["p0", "p1", "p2"], "out", rows, home=home)
-    return pinsing.load_mechanism(written(folder, joints, text))
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_type_1_of_random_3rps_is_in_the_motions_that_the_hinges_allow(seed, tmp_path):
@@ -302,35 +226,21 @@ def test_type_1_of_random_3rps_is_in_the_motions_that_the_hinges_allow(seed, tmp
     ones = [x for x in forms.loci if x.kind == "type 1"]
     assert ones
     ratios, met = [], 0
-    for q in random_closed(mechanism, 8, rng):
-        for start in (q, refine(mechanism, q, "type 1").q):
-            at = variables_at(mechanism, start)
-            one = np.prod([value(x.equation, at) for x in ones])
-            place = np.array([at[n] for n in "xyz"])
-            ends = platform @ rotation([at[f"e{k}"] for k in range(4)]).T
-            # What the hinges leave of the motions about the output's origin, on vz, wx, wy.
-            ties = np.array([[*n, *np.cross(b, n)] for n, b in zip(hinges, ends, strict=True)])
-            rest = np.eye(6)[[2, 3, 4]]
-            own = np.linalg.det(np.vstack([ties, rest]))
-            assert np.isfinite(place).all()
-            if start is q:
-                ratios.append(one / own)
-                continue
-            point = mechanism_at(mechanism, start) if closed(mechanism, start) else None
-            if point is not None and point.kind == "type 1" and legs(mechanism, start) > 1e-3:
-                met += 1
-                assert abs(own) < 1e-7
-                assert abs(one) < 1e-7
+    for asked, q, kind in closed_and_refined(mechanism, 8, rng, "type 1"):
+        at = variables_at(mechanism, q)
+        one = np.prod([value(x.equation, at) for x in ones])
+        ends = platform @ rotation([at[f"e{k}"] for k in range(4)]).T
+        # What the hinges leave of the motions about the output's origin, on vz, wx, wy.
+        ties = np.concatenate([hinges, np.cross(ends, hinges)], axis=1)
+        own = np.linalg.det(np.vstack([ties, np.eye(6)[[2, 3, 4]]]))
+        if not asked:
+            ratios.append(one / own)
+        elif kind == asked and np.abs(q[list(mechanism.actuated)]).min() > 1e-3:
+            met += 1
+            assert abs(own) < 1e-7
+            assert abs(one) < 1e-7
     assert met
     np.testing.assert_allclose(ratios, ratios[0], rtol=1e-6)
-
-
-def closed(mechanism, q):
-    return np.abs(Loops(mechanism).scaled(q)[0]).max() < 1e-10
-
-
-def legs(mechanism, q):
-    return np.abs(q[list(mechanism.actuated)]).min()
 
 
 def test_rows_that_leave_type_1_of_hinged_legs_open_are_said(tmp_path):
@@ -342,8 +252,7 @@ def test_rows_that_leave_type_1_of_hinged_legs_open_are_said(tmp_path):
 
 
 def test_what_passes_more_than_a_force_has_no_such_form():
-    for name in ("bennett", "rssr"):
-        assert pose_forms(shipped(name)) is None
+    assert [pose_forms(shipped(name)) for name in ("bennett", "rssr")] == [None, None]
 
 
 def test_forms_survive_json():
@@ -374,37 +283,136 @@ def test_families_of_a_mechanism_at_the_command_line():
     assert families("planar_3rpr", "--latex").exit_code == 2
 
 
-def test_regions_of_a_slice_are_parted_by_the_loci_alone():
-    # Within a disc, parted by a line and by a circle that stays inside.
-    x, y = np.meshgrid(np.linspace(-1, 1, 201), np.linspace(-1, 1, 201))
-    inside = x**2 + y**2 < 0.9
-    numbers, signs = regions(inside, [y - 0.2, (x - 0.1) ** 2 + (y + 0.4) ** 2 - 0.04])
-    assert numbers.max() == len(signs) == 3
-    assert (numbers[~inside] == 0).all()
-    below, above, hole = (numbers[k] for k in ((60, 40), (150, 100), (60, 110)))
-    assert len({below, above, hole}) == 3
-    assert signs[above - 1] == signs[hole - 1] != signs[below - 1]
-    assert len(set(colors([True, True, False]))) == 3
-    # Round a whole turn the outer parts are one.
-    band = [np.cos(np.pi * y)]
-    assert regions(np.ones_like(inside), band)[0].max() == 3
-    assert regions(np.ones_like(inside), band, (False, True))[0].max() == 2
+OFF = 0.5
+STROKES = [("gough_stewart", 40), ("rps3", 16), ("planar_3rpr", 6)]
 
 
-def test_the_border_of_what_is_reached_is_where_type_1_is_zero():
-    # A disc, and a half plane, whose left sides go to zero as roots of the distance do.
-    x, y = np.meshgrid(np.linspace(-1, 1, 61), np.linspace(-1, 1, 61))
-    r2, cell = x**2 + y**2, 2 / 60
-    reached = (r2 < 0.61) & (x < 0.437)
-    with np.errstate(invalid="ignore"):
-        ones = [np.where(reached, np.sqrt(0.61 - r2), np.nan), np.sqrt(0.437 - x)]
-    field = np.ma.masked_invalid(border_field(reached, ones))
-    figure, ax = plt.subplots()
-    (path,) = ax.contour(x, y, field, levels=[0.0]).get_paths()
-    plt.close(figure)
-    away = np.abs(np.hypot(*path.vertices.T) - np.sqrt(0.61))
-    across = np.abs(path.vertices[:, 0] - 0.437)
-    corner = np.hypot(path.vertices[:, 0] - 0.437, np.abs(path.vertices[:, 1]) - 0.647)
-    off = np.minimum(away, across)[corner > 2 * cell]
-    assert off.max() < 0.25 * cell
-    assert off.mean() < 0.05 * cell
+def counted_from_mid_stroke(folder, name, off=OFF):
+    """A shipped mechanism with the zero of each slide moved by ``off`` along it."""
+    tree = ElementTree.parse(URDF / f"{name}.urdf")
+    slides = [j for j in tree.iter("joint") if j.get("type") == "prismatic"]
+    for joint in slides:
+        origin, axis, limit = (joint.find(k) for k in ("origin", "axis", "limit"))
+        at, along = (np.array(x.get("xyz").split(), float) for x in (origin, axis))
+        assert not origin.get("rpy") or not any(map(float, origin.get("rpy").split()))
+        origin.set("xyz", row(at + off * along))
+        for end in ("lower", "upper"):
+            limit.set(end, repr(float(limit.get(end)) - off))
+    tree.write(folder / f"{name}.urdf")
+    text = (URDF / f"{name}.loops.yaml").read_text()
+    names = "|".join(j.get("name") for j in slides)
+    moved = re.sub(rf"\b({names}): ([\d.]+)", lambda m: f"{m[1]}: {float(m[2]) - off!r}", text)
+    (folder / f"{name}.loops.yaml").write_text(moved)
+    return pinsing.load_mechanism(folder / f"{name}.urdf")
+
+
+@pytest.mark.parametrize(("name", "most"), tiered_rows(STROKES, STROKES[1:2]))
+def test_the_loci_do_not_depend_on_where_slides_are_counted_from(name, most, tmp_path):
+    plain, moved = shipped(name), counted_from_mid_stroke(tmp_path, name)
+    one, two = pose_forms(plain), pose_forms(moved)
+    assert [str(x) for x in two.loci] == [str(x) for x in one.loci]
+    assert two.complete == one.complete
+    assert most_assemblies(moved) == most_assemblies(plain) == most
+    assert any("no length (p1 + 0.5 = 0 or" in x for x in two.notes)
+    assert not any("+ 0.5" in x for x in one.notes)
+    # What the limits say of a length is said of the length.
+    excluded = [any("limits exclude" in x for x in f.notes) for f in (one, two)]
+    assert excluded == [True, True]
+
+
+@pytest.mark.slow
+def test_a_locus_over_the_lengths_names_them_by_the_inputs(tmp_path):
+    plain = pose_forms(shipped("planar_3rpr")).inputs[0].equation
+    moved = pose_forms(counted_from_mid_stroke(tmp_path, "planar_3rpr")).inputs[0].equation
+    assert moved.names == ("(p1 + 0.5)", "(p2 + 0.5)", "(p3 + 0.5)")
+    np.testing.assert_array_equal(moved.powers, plain.powers)
+    np.testing.assert_allclose(moved.values, plain.values, rtol=1e-9)
+    assert "(p1 + 0.5)^24" in moved.exact()
+
+
+BASE = np.array([(-0.5, -0.31, 0), (0.62, -0.2, 0), (0.07, 0.55, 0)])
+ELBOWS = np.array([(-0.51, 0.08, 0), (0.33, -0.42, 0), (0.41, 0.35, 0)])
+ENDS = np.array([(-0.13, -0.09, 0), (0.17, -0.11, 0), (0.02, 0.19, 0)])
+
+
+def planar_rrr(folder, driven):
+    """A 3-RRR with each leg driven at its first joint (1) or at its elbow (2)."""
+    legs = [
+        [
+            J(f"r{k}1", "base", f"a{k}", BASE[k]),
+            J(f"r{k}2", f"a{k}", f"b{k}", ELBOWS[k] - BASE[k]),
+            frame(f"e{k}", f"b{k}", ENDS[k] - ELBOWS[k]),
+        ]
+        for k in range(3)
+    ]
+    joints, loops = carried(legs, ENDS)
+    inputs = [f"r{k}{d}" for k, d in enumerate(driven)]
+    text = loop_text(loops, inputs, "out", "vx, vy, wz")
+    return pinsing.load_mechanism(written(folder, joints, text))
+
+
+@pytest.mark.parametrize("driven", [(1, 2, 1), (2, 2, 2)])
+def test_a_leg_driven_at_its_elbow_has_its_condition_as_equations(driven, tmp_path):
+    mechanism = planar_rrr(tmp_path, driven)
+    forms = pose_forms(mechanism)
+    shapes = [x for x in forms.loci if "actuated elbow" in x.words]
+    assert len(shapes) == 2 * driven.count(2)
+    assert not any("nowhere else" in x for x in forms.notes)
+    links = ELBOWS - BASE, ENDS - ELBOWS
+    angles = np.subtract(*(np.arctan2(x[:, 1], x[:, 0]) for x in reversed(links)))
+    ratios: dict[str, list[float]] = {}
+    for q in random_closed(mechanism, 4, np.random.default_rng(5)):
+        at = dict(zip(mechanism.joints, q.tolist(), strict=True))
+        known = variables_at(mechanism, q)
+        for x in shapes:
+            k = int(re.search(r"leg (\d)", x.words)[1]) - 1
+            l1, l2 = (np.linalg.norm(x[k]) for x in links)
+            reach = l1**2 + l2**2 + 2 * l1 * l2 * np.cos(angles[k] + at[f"r{k}2"])
+            edge = (l1 + l2 if "stretched" in x.words else l1 - l2) ** 2
+            ratios.setdefault(x.words, []).append(value(x.equation, known) / (reach - edge))
+    assert len(ratios) == len(shapes)
+    for found in ratios.values():
+        np.testing.assert_allclose(found, found[0], rtol=1e-6)
+
+
+def test_where_passive_joints_move_alone_is_said_where_singular_if_and_only_if_is():
+    forms = pose_forms(shipped("hexaglide"))
+    assert len([x for x in forms.notes if "if and only if" in x]) == 1
+    (only,) = (x for x in forms.notes if "if and only if" in x)
+    assert only.endswith("or passive joints move by themselves (below)")
+    below = forms.notes[forms.notes.index(only) :]
+    assert any("universal joints whose rod lies in the plane of their two axes" in x for x in below)
+
+
+REASONS = {
+    "offset": "the leg of r1, p1 slides (p1) beside the line from its foot to its end",
+    "elbow": "the leg of s1, r1 is driven at r1 behind the passive slide s1",
+    "last": "the leg of r0, p0, turn is driven at its joint with the output (turn)",
+}
+
+
+@pytest.mark.parametrize("kind", REASONS)
+def test_why_there_are_no_loci_over_the_pose_names_the_leg(kind, tmp_path):
+    """Each leg passes one force, but one is of a kind that is not written over the pose."""
+    legs, inputs = [], []
+    for k in range(3):
+        if kind == "elbow" and k == 1:
+            slide = J("s1", "base", "c1", BASE[k], X, "prismatic", (-2, 2))
+            legs.append([slide, J("r1", "c1", "e1", (0.3, 0, 0)), frame("tip1", "e1", (0.4, 0, 0))])
+            inputs.append("r1")
+        else:
+            aside = (0, 0.2 if kind == "offset" and k == 1 else 0.0, 0)
+            slide = J(f"p{k}", f"c{k}", f"e{k}", aside, X, "prismatic", (-2, 2))
+            legs.append([J(f"r{k}", "base", f"c{k}", BASE[k]), slide])
+            inputs.append("turn" if kind == "last" and k == 0 else f"p{k}")
+    joints, loops = carried(legs, ENDS)
+    text = loop_text(loops, inputs, "out", "vx, vy, wz", home={"p0": 0.6})
+    path = written(tmp_path, joints, text)
+    mechanism = pinsing.load_mechanism(path)
+    assert pose_forms(mechanism) is None
+    reason = f"{REASONS[kind]}, which is not supported over the pose"
+    assert why_no_rods(mechanism) == reason
+    assert why_no_rods(shipped("planar_3rpr")) == ""
+    done = run("families", "-v", path, "--loops")
+    assert done.exit_code == 0
+    assert reason in " ".join(done.stderr.split())

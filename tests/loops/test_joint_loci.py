@@ -1,16 +1,17 @@
-"""Singular loci in the joint angles: against the Jacobians, and geometry written here."""
+"""Singular loci in the joint angles, and legs as arms: against the Jacobians and the checker."""
 
 import json
 
 import numpy as np
 import pytest
 from command_line import run
-from mechanisms import URDF, shipped
-from test_parallel_geometry import Way, planar
+from mechanisms import URDF, closed_and_refined, shipped
+from platforms import PLATFORM, Way, planar
 from tiers import sampled, tiered
-from urdf_text import J, frame, loop_text, stewart, written
+from urdf_text import J, carried, frame, loop_text, stewart, written
 
 import pinsing
+from pinsing.errors import OptionError
 from pinsing.loops import (
     JointForms,
     JointLocus,
@@ -21,7 +22,9 @@ from pinsing.loops import (
     refine,
 )
 from pinsing.loops.closure import Loops, random_closed
-from pinsing.loops.joint_loci import ClosureForms
+from pinsing.loops.joint_loci import ClosureForms, leg_proofs
+from pinsing.loops.legs import Rod
+from pinsing.proof.checker import Rejected, verify
 
 SHELF = ["five_bar", "four_bar", "planar_3rrr", "planar_3rpr", "gough_stewart", "delta", "rps3",
          "rssr", "agile_eye"]  # fmt: skip
@@ -36,12 +39,10 @@ def left_side(locus, mechanism, q):
 
 def beside(name, mechanism, q):
     """What the forms leave out: a factor without real zeros, and the second power of a length."""
-    at = dict(zip(mechanism.joints, q, strict=True))
+    inputs = q[list(mechanism.actuated)]
     if name == "rssr":
-        return 0.5 * np.sin(at["crank"]) - 1
-    if name == "gough_stewart":
-        return np.prod([at[f"p{k}"] for k in range(1, 7)])
-    return 1.0
+        return np.array([1 - 0.5 * np.sin(inputs[0]), 1])
+    return abs(np.prod(inputs)) if name == "gough_stewart" else 1.0
 
 
 def volume(M):
@@ -57,15 +58,16 @@ def ratios(mechanism, q):
     values = {"type 1": 1.0, "type 2": 1.0, "passive": 1.0}
     for locus in forms.loci:
         values[locus.kind] *= left_side(locus, mechanism, q)
-    return [
+    return np.array([
         volume(np.vstack([G, rows])) / abs(values[kind] * values["passive"])
         for kind, rows in (("type 2", held), ("type 1", J))
-    ]
+    ])  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "name", tiered(SHELF, ("gough_stewart", "rssr", "planar_3rrr", "agile_eye"))
-)
+QUICK = ("gough_stewart", "rssr", "planar_3rrr", "agile_eye")
+
+
+@pytest.mark.parametrize("name", tiered(SHELF, QUICK))
 def test_the_forms_are_the_determinants_of_the_jacobians(name, rng):
     # Constant ratios over all closed configurations: zero together, and nowhere else.
     mechanism = shipped(name).without_limits()
@@ -76,10 +78,7 @@ def test_the_forms_are_the_determinants_of_the_jacobians(name, rng):
         state = mechanism_at(mechanism, q)
         if min(state.output_ratio, state.input_ratio, state.constraint_ratio) < 1e-4:
             continue  # both are zero to rounding
-        one = ratios(mechanism, q)
-        found.append((one[0] / abs(beside(name, mechanism, q)), one[1]))
-        if name == "gough_stewart":
-            found[-1] = (found[-1][0], one[1] / abs(beside(name, mechanism, q)))
+        found.append(ratios(mechanism, q) / beside(name, mechanism, q))
     assert len(found) >= 4
     assert (np.ptp(np.log(found), axis=0) < 1e-7).all()
 
@@ -90,12 +89,11 @@ def test_the_agile_eye_is_of_type_1_where_a_middle_joint_is_at_a_right_angle():
     assert [str(x.equation) for x in ones] == [f"cos v{k} = 0" for k in (1, 2, 3)]
 
 
-CLOSURES = ["bennett", "five_bar", "planar_3rpr", "rps3", "agile_eye", "rssr"]
+CLOSURES = ["bennett", "five_bar", "planar_3rpr", "rps3", "agile_eye", "rssr",
+            pytest.param("delta", marks=pytest.mark.slow)]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "name", sampled([*CLOSURES, pytest.param("delta", marks=pytest.mark.slow)])
-)
+@pytest.mark.parametrize("name", sampled(CLOSURES))
 def test_closure_equations_of_any_legs_are_those_of_pinocchio(name, rng):
     """The exact matrices have the ranks of the Jacobians; without a change of point the values."""
     mechanism = shipped(name).without_limits()
@@ -116,6 +114,9 @@ def test_closure_equations_of_any_legs_are_those_of_pinocchio(name, rng):
             assert (mine > 1e-6).sum() == (theirs > 1e-6).sum()
 
 
+POINTS = np.round(np.random.default_rng(8).uniform(-1, 1, (2, 6, 3)) * [1, 1, 0.2], 2) * [
+    [[1.0]], [[0.5]]
+]  # fmt: skip
 ODD = {
     "from the platform": lambda folder: planar(folder, Way("rpr", from_platform=(1, 2))),
     "cut at the elbow": lambda folder: planar(
@@ -128,9 +129,6 @@ ODD = {
         written(folder, *stewart(*POINTS, hanging=(1, 2, 3, 4, 5)))
     ),
 }
-POINTS = np.round(np.random.default_rng(8).uniform(-1, 1, (2, 6, 3)) * [1, 1, 0.2], 2) * [
-    [[1.0]], [[0.5]]
-]  # fmt: skip
 
 
 @pytest.mark.slow
@@ -141,15 +139,14 @@ def test_however_a_mechanism_is_written_and_driven(case, tmp_path, rng):
     forms = joint_forms(mechanism)
     assert forms.complete
     met = 0
-    for q in random_closed(mechanism, 4, rng):
+    for asked, q, kind in closed_and_refined(mechanism, 4, rng, "type 1", "type 2"):
         state = mechanism_at(mechanism, q)
-        if min(state.output_ratio, state.input_ratio, state.constraint_ratio) > 1e-3:
-            assert min(x.ratio(q, forms.joints) for x in forms.loci) > 1e-6
-        for kind in ("type 1", "type 2"):
-            point = refine(mechanism, q, kind)
-            if point.converged and point.kind == kind:
-                met += 1
-                assert min(x.ratio(point.q, forms.joints) for x in forms.loci) < 1e-8
+        share = min(x.ratio(q, forms.joints) for x in forms.loci)
+        if asked == kind:
+            met += 1
+            assert share < 1e-8
+        elif min(state.output_ratio, state.input_ratio, state.constraint_ratio) > 1e-3:
+            assert asked or share > 1e-6
     assert met or case == "overconstrained"
 
 
@@ -165,19 +162,12 @@ def test_what_holds_everywhere_and_what_nowhere_is_said():
 
 def test_what_is_left_of_rounded_axes_is_no_term(tmp_path):
     """A slide along a direction that is not exact: no term comes of its last decimals."""
-    joints, loops = [], []
-    corners = [(0.0, 0.0, 0), (1.0, 0.1, 0), (0.4, 0.9, 0)]
-    ends = [(-0.2, -0.1, 0), (0.25, -0.1, 0), (0.0, 0.3, 0)]
-    for k, at in enumerate(corners):
+    legs = []
+    for k, at in enumerate([(0.0, 0.0, 0), (1.0, 0.1, 0), (0.4, 0.9, 0)]):
         along = np.array([np.cos(0.3 + 2.1 * k), np.sin(0.3 + 2.1 * k), 0]).round(6)
-        joints.append(J(f"p{k}", "base", f"s{k}", at, along, "prismatic", (-2, 2)))
-        joints.append(J(f"b{k}", f"s{k}", f"rod{k}"))
-        if k == 0:
-            joints.append(J("turn", "rod0", "platform", (0.6, 0, 0)))
-        else:
-            joints.append(frame(f"e{k}", f"rod{k}", (0.6, 0, 0)))
-            joints.append(frame(f"v{k}", "platform", np.subtract(ends[k], ends[0])))
-            loops.append((f"e{k}", f"v{k}"))
+        slide = J(f"p{k}", "base", f"s{k}", at, along, "prismatic", (-2, 2))
+        legs.append([slide, J(f"b{k}", f"s{k}", f"r{k}"), frame(f"e{k}", f"r{k}", (0.6, 0, 0))])
+    joints, loops = carried(legs, PLATFORM)
     text = loop_text(loops, ["p0", "p1", "p2"], "platform", "vx, vy, wz")
     forms = joint_forms(pinsing.load_mechanism(written(tmp_path, joints, text)))
     for locus in forms.loci:
@@ -211,8 +201,65 @@ def test_json_of_the_command_has_both(name, kind):
     assert done.exit_code == 0
     found = kind.from_json(done.stdout)
     assert found.complete
-    if kind is JointForms:
-        assert str(found) == str(joint_forms(shipped(name)))
-        return
-    assert found.joint_forms is not None
-    assert str(found.joint_forms) == str(joint_forms(shipped(name)))
+    joints = found if kind is JointForms else found.joint_forms
+    assert str(joints) == str(joint_forms(shipped(name)))
+
+
+LEGS = {"planar_3rrr": 3, "planar_3rpr": 3, "gough_stewart": 6, "delta": 6, "rps3": 3,
+        "agile_eye": 3, "five_bar": 2}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", tiered(LEGS, ("planar_3rrr", "rps3", "agile_eye")))
+def test_each_leg_is_proven(name):
+    found = leg_proofs(shipped(name))
+    assert len(found) == LEGS[name]
+    for leg in found:
+        verify(json.dumps(leg.form.certificate))
+        assert str(leg).endswith("proven")
+        assert all(j in shipped(name).joints for j in leg.joints)
+
+
+@pytest.mark.parametrize("name", tiered(["planar_3rrr", "five_bar", "agile_eye"], ()))
+def test_the_legs_say_what_the_whole_says_of_type_1_and_passive_joints(name, rng):
+    mechanism = shipped(name).without_limits()
+    loci = joint_forms(mechanism).loci
+    equations = [x.equation for x in loci if x.kind in ("type 1", "passive")]
+    # A leg put on one of its families: one of the equations of the whole is zero there.
+    met = 0
+    for leg in leg_proofs(mechanism):
+        for family in leg.form.families:
+            for at in family.sample(2, np.random.default_rng(1)):
+                q = random_closed(mechanism, 1, rng)[0].copy()
+                q[[mechanism.joints.index(j) for j in leg.joints]] = at
+                met += 1
+                assert min(abs(float(x(q))) for x in equations) < 1e-9
+    assert met
+
+
+def test_a_plane_that_is_tilted_and_a_certificate_that_was_changed(tmp_path):
+    found = leg_proofs(planar(tmp_path, Way("rrr", rpy=(np.pi / 2, 0, 0))))
+    assert [(leg.task, leg.form.word) for leg in found] == [("vx,vz", "proven")] * 3
+    with pytest.raises(Rejected):
+        verify(json.dumps({**found[0].form.certificate, "families": []}))
+
+
+def test_why_there_is_none_is_said():
+    with pytest.raises(OptionError, match="bennett: no leg has a certificate of its own"):
+        leg_proofs(shipped("bennett"))
+
+
+def test_files_of_the_legs_are_checked_by_the_command(tmp_path):
+    tree, target = URDF / "planar_3rrr.urdf", tmp_path / "c.cert.json"
+    done = run("families", "-v", tree, "--loops", "-o", target)
+    assert done.exit_code == 0
+    assert "leg 2: a2, b2 up to its end (vx,vy) singular if and only if b2 = 0" in done.stdout
+    assert run("verify", *(tmp_path / f"c_leg{k}.cert.json" for k in (1, 2, 3))).exit_code == 0
+    assert not target.exists()
+    assert pinsing.load_mechanism(tree).n == 7
+
+
+def test_a_crank_whose_end_is_on_its_axis_reaches_no_other_length() -> None:
+    half = 0.5 * np.eye(3)
+    rod = Rod("crank", 0, np.zeros(3), np.zeros(3), first=half[0], second=half[1])
+    for end in (np.zeros(3), np.array([0, 0, 0.1])):
+        assert rod.solutions(end, True, 0.3) == rod.solutions(end, False, 0.3) == ()

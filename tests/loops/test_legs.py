@@ -1,0 +1,417 @@
+"""Numbers of modes by algebra, against geometry and counts of sign changes without pinsing."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from mechanisms import circles, cross, left_sides, placed, shipped, value
+from platforms import (
+    TURNS,
+    Way,
+    changes,
+    circle,
+    hinged,
+    lines_in_plane,
+    planar,
+    rps,
+    turned,
+    turned_in_plane,
+    unit,
+)
+from tiers import tiered, tiered_rows
+from urdf_text import J, X, Y, frame, loop_text, written
+
+import pinsing
+from pinsing.loops import mechanism_at, pose_forms
+from pinsing.loops.legs import count_poses, input_loci
+from pinsing.loops.pose_loci import variables_at
+
+
+def one_rod(folder, rng, ends):
+    """A rod with a universal joint and a ball between two cranks (RSSR), or a crank and a slide."""
+    axes = unit(rng.normal(size=(2, 3)).round(1))
+    arms = rng.uniform(-0.5, 0.5, (2, 3)).round(2)
+    foot = rng.uniform(-0.5, 0.5, 3).round(2)
+    # The row of the output is the motion of its joint: about, or along, x.
+    axes[1] = X
+    apart = foot + turned(axes[1], 0.3) @ arms[1] - turned(axes[0], 0.4) @ arms[0]
+    length = round(float(np.linalg.norm(apart)), 4)
+    kind = "continuous" if ends == "crank" else "prismatic"
+    limits = None if ends == "crank" else (-9, 9)
+    joints = [
+        J("crank", "base", "arm", (0, 0, 0), axes[0]),
+        J("ux", "arm", "cross", arms[0], X),
+        J("uy", "cross", "rod", axis=Y),
+        frame("tip", "rod", (0, 0, length)),
+        J("other", "base", "rocker", foot, axes[1], kind, limits),
+        frame("pin", "rocker", arms[1]),
+    ]
+    rows = "wx" if ends == "crank" else "vx"
+    text = loop_text([("tip", "pin")], ["crank"], "rocker", rows)
+    return pinsing.load_mechanism(written(folder, joints, text)), axes, arms, foot, length
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ends", tiered(["crank", "slide"], {"crank"}))
+@pytest.mark.parametrize("seed", tiered(range(4), (0,)))
+def test_one_rod_between_two_joints(ends, seed, tmp_path):
+    mechanism, axes, arms, foot, length = one_rod(tmp_path, np.random.default_rng(seed), ends)
+    home = pinsing.loops.assembly_modes(mechanism).modes[0].q
+    crank, other = (mechanism.joints.index(n) for n in ("crank", "other"))
+    direct = pinsing.loops.assembly_modes(mechanism, [home[crank]])
+    C = turned(axes[0], home[crank]) @ arms[0]
+    if ends == "crank":
+        at = foot + circle(axes[1], arms[1])
+    else:
+        at = foot + arms[1] + np.linspace(-9, 8.9876, 20001)[:, None] * axes[1]
+    number = changes(np.linalg.norm(at - C, axis=1) - length)
+    assert number == len(direct.modes) == 2
+    assert direct.complete
+    assert "all there are, by the quadratic equation of its rod" in direct.statement
+    inverse = pinsing.loops.working_modes(mechanism)
+    B = foot + (turned(axes[1], home[other]) @ arms[1] if ends == "crank" else
+                arms[1] + home[other] * axes[1])  # fmt: skip
+    number = changes(np.linalg.norm(circle(axes[0], arms[0]) - B, axis=1) - length)
+    assert number == len(inverse.modes)
+    assert inverse.complete
+
+
+@pytest.mark.parametrize("seed", tiered(range(4), (1,)))
+def test_working_modes_of_three_legs_on_hinges(seed, tmp_path):
+    rng = np.random.default_rng(seed)
+    base, hinges, platform = hinged(rng)
+    mechanism = rps(tmp_path, base, hinges, platform).without_limits()
+    tilt = rng.uniform(-0.3, 0.3, 2)
+    found = pinsing.loops.working_modes(mechanism, [0.9, *tilt])
+    R = pin.rpy.rpyToMatrix(*tilt, 0.0)
+    left = []
+    for yaw in TURNS[::10]:
+        away = platform @ (pin.rpy.rpyToMatrix(0, 0, yaw) @ R).T + [0, 0, 0.9] - base
+        # The first two hinges give x and y, the third is left.
+        xy = np.linalg.solve(hinges[:2, :2], -(hinges[:2] * away[:2]).sum(axis=1))
+        left.append(hinges[2, :2] @ xy + hinges[2] @ away[2])
+    assert len(found.modes) == 8 * changes(np.array(left))
+    assert found.complete
+    assert "by the planes of its hinges and the two solutions of each leg" in found.statement
+
+
+@pytest.mark.slow
+def test_elbows_of_cranks_with_rods_that_leave_their_plane():
+    """Each of the 64 working modes has a name of its own: the sign of crank, rod and axis."""
+    mechanism = shipped("rus6").without_limits()
+    found = pinsing.loops.working_modes(mechanism, starts=4)
+    assert len({m.mode for m in found.modes}) == len(found.modes) == 64
+    for mode in found.modes[::9]:
+        data, signs = placed(mechanism, mode.q), ""
+        columns = pin.computeJointJacobians(mechanism.model, data)
+        for k in range(1, 7):
+            foot, cross, rod = map(mechanism.model.getJointId, (f"a{k}", f"u{k}x", f"u{k}y"))
+            arm = data.oMi[cross].translation - data.oMi[foot].translation
+            axis = columns[3:, mechanism.model.joints[foot].idx_v]
+            signs += "+" if np.cross(arm, data.oMi[rod].rotation[:, 2]) @ axis > 0 else "-"
+        assert mode.mode.endswith(f"elbows {signs}")
+
+
+def triangles(seed):
+    """Corners of base and platform at random; with an odd seed both equilateral, unlike turned."""
+    rng = np.random.default_rng(seed)
+    if seed % 2:
+        third = 2 * np.pi * np.arange(3) / 3
+        corners = np.stack([np.cos(third), np.sin(third)], axis=1)
+        return corners, 0.45 * corners @ turned_in_plane(np.pi / 3).T
+    return np.round(rng.uniform(-1, 1, (3, 2)), 2), np.round(rng.uniform(-0.5, 0.5, (3, 2)), 2)
+
+
+def pose_with_lines_through_a_point(base, platform, rng):
+    """A position and turn at which the three leg lines meet, from their own determinant."""
+    while True:
+        angle, y = rng.uniform(-np.pi, np.pi), rng.uniform(-1, 1)
+        b = platform @ turned_in_plane(angle).T
+        at = np.array([-1.0, 0, 1])
+        together = [np.linalg.det(lines_in_plane(base, b + np.array([x, y]))) for x in at]
+        roots = np.roots(np.polyfit(at, together, 2))
+        real = [r.real for r in roots if abs(r.imag) < 1e-9 and abs(r) < 3]
+        if real:
+            return np.array([real[0], y]), angle
+
+
+def lengths(base, platform, at, angle):
+    return np.linalg.norm(at + platform @ turned_in_plane(angle).T - base, axis=1)
+
+
+def relative(equation, values):
+    size = np.abs(np.prod(values**equation.powers, axis=1) * equation.values).sum()
+    return abs(float(equation(values))) / size
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", tiered(range(6), (1,)))
+def test_leg_lengths_at_which_the_lines_meet_are_on_the_locus(seed, tmp_path):
+    rng = np.random.default_rng(seed)
+    base, platform = triangles(seed)
+    found = input_loci(planar(tmp_path, Way("rpr", base=base, platform=platform)))
+    assert found
+    on, beside = [], []
+    for _ in range(12):
+        rho = lengths(base, platform, *pose_with_lines_through_a_point(base, platform, rng))
+        other = lengths(base, platform, rng.uniform(-1, 1, 2), rng.uniform(-np.pi, np.pi))
+        on.append(min(relative(x, rho) for x in found))
+        beside.append(min(relative(x, other) for x in found))
+    # Of degree 24, so that terms cancel to many digits everywhere.
+    assert max(on) < 1e-14
+    assert np.median(beside) > 1e4 * max(on)
+    if seed % 2 == 0:
+        # Twelve in the squares of the lengths, dense.
+        (one,) = found
+        assert (len(one.values), one.degree(one.names)) == (455, 24)
+
+
+def poses_by_scanning(base, platform, rho):
+    """Sign changes of what the third distance misses, over the two branches of the other two."""
+    count = 0
+    angles = np.linspace(-np.pi, np.pi, 40_001)
+    for side in (1, -1):
+        miss = np.full(len(angles), np.nan)
+        c, s = np.cos(angles), np.sin(angles)
+
+        def out(k, c=c, s=s):
+            x, y = platform[k]
+            return np.stack([c * x - s * y, s * x + c * y], axis=1)
+
+        # The position is on two circles, about base - turned platform point.
+        one, two = base[0] - out(0), base[1] - out(1)
+        apart = two - one
+        d = np.linalg.norm(apart, axis=1)
+        along = (d**2 + rho[0] ** 2 - rho[1] ** 2) / (2 * d)
+        height = rho[0] ** 2 - along**2
+        ok = height >= 0
+        unit = apart / d[:, None]
+        normal = np.stack([-unit[:, 1], unit[:, 0]], axis=1)
+        at = one + along[:, None] * unit + side * np.sqrt(np.abs(height))[:, None] * normal
+        miss[ok] = (np.linalg.norm(at + out(2) - base[2], axis=1) - rho[2])[ok]
+        count += int((miss[1:] * miss[:-1] < 0).sum())
+    return count
+
+
+@pytest.mark.parametrize("seed", tiered((0, 2, 4, 6), (2,)))
+def test_poses_are_as_many_as_the_circles_have(seed, tmp_path):
+    rng = np.random.default_rng(seed)
+    base, platform = triangles(seed)
+    mechanism = planar(tmp_path, Way("rpr", base=base, platform=platform))
+    numbers = set()
+    for _ in range(12):
+        rho = lengths(base, platform, rng.uniform(-0.5, 0.5, 2), rng.uniform(-np.pi, np.pi))
+        if rho.min() < 0.1:
+            continue
+        known = poses_by_scanning(base, platform, rho)
+        # Branches that end within a step of the scan are seen by neither or both signs.
+        if known % 2 == 0:
+            assert count_poses(mechanism, rho) == known
+            numbers.add(known)
+    assert len(numbers) > 1
+
+
+@pytest.mark.slow
+def test_the_modes_say_that_they_are_all():
+    for name, working in (("planar_3rrr", 8), ("planar_3rpr", 1), ("gough_stewart", 1)):
+        found = pinsing.loops.working_modes(shipped(name))
+        assert (len(found.modes), found.complete) == (working, True)
+        assert "all there are, by the two solutions of each leg" in found.statement
+    for name in ("planar_3rrr", "planar_3rpr"):
+        found = pinsing.loops.assembly_modes(shipped(name))
+        assert (len(found.modes), found.complete) == (2, True)
+        assert "the real roots of a polynomial of degree 6" in found.statement
+    # With one start not all are found, and it says how many there are.
+    few = pinsing.loops.assembly_modes(shipped("planar_3rrr"), starts=1)
+    assert (len(few.modes), few.complete) == (1, False)
+    assert "there are 2, by the real roots" in few.statement
+
+
+PLANES = {
+    "level": ((0.0, 0.0, 0.0), "vx, vy"),
+    "upright": ((math.pi / 2, 0.0, 0.0), "vx, vz"),
+    "oblique": ((0.3, 0.4, 0.5), "vx, vy, vz"),
+}
+AT = np.array([0.1, 0.2, 0.3])
+
+
+class FiveBar:
+    """Two legs in a plane, each a crank or a slide with a rod; the second written from the pin."""
+
+    def __init__(self, folder: Path, kinds: str, cut: str, plane: str, seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        self.kinds = kinds
+        self.feet = np.array([[0.0, 0.0], [0.6, 0.0]]) + rng.uniform(-0.1, 0.1, (2, 2))
+        self.yaw = rng.uniform(-0.6, 0.6, 2)
+        self.cranks, self.rods = rng.uniform(0.2, 0.35, 2), rng.uniform(0.4, 0.6, 2)
+        self.senses = rng.choice([1, -1], 2)
+        turn, rows = PLANES[plane]
+        self.turn = pin.rpy.rpyToMatrix(*turn)
+        raised = 0.05  # of the second leg's foot
+        axes = [(0, 0, s) for s in self.senses]
+        joints = [J("w", "world", "base", AT, kind="fixed", rpy=turn)]
+        ends = []
+        for k in (0, 1):
+            how = (axes[k], "continuous", None) if kinds[k] == "R" else (X, "prismatic", (-1, 1))
+            foot = (*self.feet[k], raised * k)
+            joints.append(J(f"m{k}", "base", f"c{k}", foot, *how, (0, 0, self.yaw[k])))
+            ends.append((self.cranks[k] if kinds[k] == "R" else 0, 0, 0))
+        joints.append(J("b0", "c0", "r0", ends[0], axes[0]))
+        joints.append(frame("p0", "r0", (self.rods[0], 0, 0)))
+        if cut == "pin":
+            joints.append(J("b1", "c1", "r1", ends[1], axes[1], rpy=(0, 0, 0.4)))
+            joints.append(frame("p1", "r1", (0, self.rods[1], -raised)))
+            loop, output = ("p0", "p1"), "p1"
+        else:
+            joints.append(J("pin", "p0", "r1", axis=axes[1]))
+            joints.append(frame("e1", "r1", (self.rods[1], 0, raised)))
+            kind = "fixed" if cut == "elbow" else "continuous"
+            joints.append(J("b1", "c1", "s1", ends[1], axes[1], kind))
+            loop, output = ("e1", "s1"), "r1"
+        text = loop_text([loop], ["m1", "m0"], output, rows, "6d" if cut == "weld" else "3d")
+        self.mechanism = pinsing.load_mechanism(written(folder, joints, text))
+        self.rows = ["xyz".index(row[1]) for row in rows.split(", ")]
+
+    def own(self, mode: Any) -> np.ndarray:
+        """Where its pin is, in the plane's own axes."""
+        return self.turn.T @ (np.array(mode.pose.position) - AT)
+
+    def ways(self, P: np.ndarray) -> int:
+        """How many inputs within the limits put the pin there."""
+        count = 1
+        for k in (0, 1):
+            if self.kinds[k] == "R":
+                count *= 2
+                continue
+            away = P - self.feet[k]
+            u = np.array([math.cos(self.yaw[k]), math.sin(self.yaw[k])])
+            reach = math.sqrt(self.rods[k] ** 2 - cross(u, away) ** 2)
+            count *= sum(abs(away @ u + sign * reach) <= 1 for sign in (1, -1))
+        return count
+
+    def elbows(self, m: tuple[float, float]) -> list[np.ndarray]:
+        out = []
+        for k in (0, 1):
+            along = self.yaw[k] + (self.senses[k] * m[k] if self.kinds[k] == "R" else 0)
+            u = np.array([math.cos(along), math.sin(along)])
+            out.append(self.feet[k] + (self.cranks[k] if self.kinds[k] == "R" else m[k]) * u)
+        return out
+
+    def measures(self, m: tuple[float, float], P: np.ndarray) -> tuple[float, list[float]]:
+        """What is zero at type 2, and for each leg at type 1."""
+        B = self.elbows(m)
+        ones = []
+        for k in (0, 1):
+            if self.kinds[k] == "R":
+                ones.append(cross(B[k] - self.feet[k], P - B[k]))
+            else:
+                rail = np.array([math.cos(self.yaw[k]), math.sin(self.yaw[k])])
+                ones.append(float((P - B[k]) @ rail))
+        return cross(B[0] - P, B[1] - P), ones
+
+
+CASES = [
+    ("PP", "pin", "upright"), ("PP", "elbow", "level"), ("RP", "elbow", "level"),
+    ("PR", "elbow", "upright"), ("RR", "elbow", "oblique"), ("RP", "pin", "oblique"),
+    ("PR", "weld", "upright"), ("RR", "weld", "oblique"),
+]  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kinds", "cut", "plane"), tiered_rows(CASES, CASES[:1]))
+def test_loci_and_modes(tmp_path: Path, kinds: str, cut: str, plane: str) -> None:
+    bar = FiveBar(tmp_path, kinds, cut, plane, 5)
+    forms = pose_forms(bar.mechanism)
+    assert forms.complete
+    assert [x.kind for x in forms.loci] == ["type 2", "type 1", "type 1"]
+    assert any("in the plane of the mechanism" in n for n in forms.notes) == (plane != "level")
+    rng = np.random.default_rng(8)
+    seen, values = [], []
+    while len(seen) < 12:
+        m = tuple(
+            float(rng.uniform(-1.5, 1.5) if kind == "R" else rng.uniform(-0.4, 0.4))
+            for kind in kinds
+        )
+        (one, two), (a, b) = bar.elbows(m), bar.rods
+        expected = circles(one, a, two, b)
+        found = pinsing.loops.assembly_modes(bar.mechanism, [m[1], m[0]])
+        assert len(found.modes) == len(expected)
+        if not expected:
+            continue
+        assert found.complete
+        assert "all there are" in found.statement
+        if len(seen) < 4:
+            place = AT + bar.turn @ [*expected[0], 0]
+            back = pinsing.loops.working_modes(bar.mechanism, place[bar.rows])
+            assert len(back.modes) == bar.ways(expected[0])
+            assert back.complete
+        got = np.array(sorted(bar.own(x).tolist() for x in found.modes))
+        assert np.ptp(got[:, 2]) <= 1e-9
+        np.testing.assert_allclose(got[:, :2], sorted(P.tolist() for P in expected), atol=1e-8)
+        for mode in found.modes:
+            at = variables_at(bar.mechanism, mode.q)
+            two, ones = bar.measures(m, bar.own(mode)[:2])
+            seen.append([two, *ones])
+            values.append([value(x.equation, at) for x in forms.loci])
+            np.testing.assert_allclose([value(e, at) for e in forms.closing], 0, atol=1e-9)
+    # Each left side is a cross or a dot product, up to a constant of its own.
+    ratios = np.array(values) / np.array(seen)
+    np.testing.assert_allclose(ratios, np.tile(ratios[:1], (len(ratios), 1)), rtol=1e-6)
+
+
+@pytest.mark.parametrize("cut", ["elbow", "weld"])
+def test_a_rod_across_its_slide_is_singular_and_beside_it_not(tmp_path: Path, cut: str) -> None:
+    bar = FiveBar(tmp_path, "RP", cut, "level", 5)
+    forms = pose_forms(bar.mechanism)
+    # P across the slide from the foot of rod 2, within reach of leg 1; m0 from two circles.
+    rail = np.array([math.cos(bar.yaw[1]), math.sin(bar.yaw[1])])
+    m1 = -0.45
+    for beside, singular in ((0.0, True), (1e-3, False)):
+        angle = math.pi / 2 + beside
+        away = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+        P = bar.feet[1] + m1 * rail + bar.rods[1] * away @ rail
+        B = circles(bar.feet[0], bar.cranks[0], P, bar.rods[0])[0]
+        m0 = bar.senses[0] * (math.atan2(*(B - bar.feet[0])[::-1]) - bar.yaw[0])
+        found = pinsing.loops.assembly_modes(bar.mechanism, [m1, m0])
+        mode = min(found.modes, key=lambda x: float(np.hypot(*bar.own(x)[:2] - P)))
+        state = mechanism_at(bar.mechanism, mode.q)
+        assert (state.output_ratio <= 1e-7) == singular
+        ones = np.abs(left_sides(bar.mechanism, forms, mode.q, "type 1"))
+        assert (ones.min() <= 1e-8) == singular
+
+
+def two_slides(folder: Path, limits: tuple[float, float] = (-9, 9)) -> pinsing.robot.Mechanism:
+    """Slides along x, the second at y = 0.3; rods of 0.5 and 0.6."""
+    joints = [
+        J("d1", "base", "s1", axis=X, kind="prismatic", limits=limits),
+        J("a1", "s1", "r1"),
+        frame("p1", "r1", (0.5, 0, 0)),
+        J("d2", "base", "s2", (0, 0.3, 0), X, "prismatic", limits),
+        J("a2", "s2", "r2", axis=(0, 0, -1)),
+        frame("p2", "r2", (0, 0.6, 0)),
+    ]
+    text = loop_text([("p1", "p2")], ["d1", "d2"], "p1", "vx, vy")
+    return pinsing.load_mechanism(written(folder, joints, text))
+
+
+def test_limits_leave_some_working_modes(tmp_path: Path) -> None:
+    back = pinsing.loops.working_modes(two_slides(tmp_path, (-0.3, 0.3)), [0.1, 0.35])
+    # d1 = 0.1 +- sqrt(0.25 - 0.1225), d2 = 0.1 +- sqrt(0.36 - 0.0025)
+    reach = [0.1 + sign * math.sqrt(x) for x in (0.1275, 0.3575) for sign in (1, -1)]
+    assert len(back.modes) == math.prod(
+        sum(abs(d) <= 0.3 for d in part) for part in (reach[:2], reach[2:])
+    )
+
+
+def test_a_double_solution_is_one_mode(tmp_path: Path) -> None:
+    """Rods in line: Newton's method ends with half of the digits, in as many places as starts."""
+    mechanism = two_slides(tmp_path)
+    far = math.sqrt(1.1**2 - 0.3**2)
+    found = pinsing.loops.assembly_modes(mechanism, [0.0, far])
+    assert len(found.modes) == 1
+    assert found.complete
+    near = pinsing.loops.assembly_modes(mechanism, [0.0, far - 1e-6])  # two of them, 0.8 mm apart
+    assert len(near.modes) == 2
