@@ -1,0 +1,380 @@
+"""Aspects, ways between them, and cuspidal arms; what is said where families lack."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dh_arms import CRX, GOFA, along, arm_of, aspects_of, dh_arm, form_of
+from tiers import sampled, tiered
+
+import pinsing
+from pinsing.errors import ConfigurationError, OptionError
+from pinsing.kinematics.inverse import columns, one_sheet, regular_way
+from pinsing.kinematics.jacobian import ratios, tip_placement
+from pinsing.postures.aspects import least, raised
+
+# Counts of the literature's method, on whole circles and within the limits.
+COUNTS = {
+    "ur5": (8, 16), "puma560": (8, 12), "irb1400": (8, 4), "z1": (8, 2), "kinova": (8, 12),
+    "talos_arm": (16, 4), "stanford": (8, 8), "so100": (2, 2), "so101": (2, 2), "surgical7": (2, 2),
+    "iiwa14": (2, 2), "panda": (1, 1), "xarm7": (1, 1),
+}  # fmt: skip
+
+
+def _slow(*values):
+    return pytest.param(*values, marks=pytest.mark.slow)
+
+
+def signs_of_det(arm, path, count=60):
+    return np.sign(np.linalg.det(pinsing.kinematics.task_jacobians(arm, along(path, count))))
+
+
+@pytest.mark.parametrize("name", sampled(tiered(COUNTS, {"ur5", "puma560", "stanford", "kinova"})))
+def test_counts(name):
+    for limits, count in zip((False, True), COUNTS[name], strict=True):
+        found = aspects_of(name, limits)
+        assert found.proven
+        assert found.lower == found.upper == count
+        assert [found.of(a.q) for a in found] == list(range(1, count + 1))
+        assert all(a.clearance > 0 for a in found)
+
+
+def decided(name, limits, a, b):
+    """The way between two configurations; that it is one, and as clear as is said."""
+    form, arm, found = form_of(name), arm_of(name), aspects_of(name, limits)
+    known = pinsing.connect(form, a, b, limits=limits, of=found)
+    assert known.same is (found.of(a) == found.of(b))
+    if not known.same:
+        return known
+    way = known.path
+    assert np.array_equal(way[0], a)
+    assert np.abs(arm.space.wrap(way[-1] - b)).max() < 1e-9
+    assert not (limits and arm.space.outside(way).any())
+    signs = signs_of_det(arm, way)
+    assert (signs == signs[0]).all()
+    # No configuration of a family is nearer to any point of the way than is said.
+    assert 0 < known.clearance <= pinsing.clearance(form, along(way)).upper.min() + 1e-12
+    ends = pinsing.clearance(form, np.stack([a, b])).lower.min()
+    assert known.clearance > 0.1 * ends or name != "ur5"
+    return known
+
+
+@pytest.mark.parametrize("name", ["puma560", _slow("ur5"), _slow("kinova")])
+@pytest.mark.parametrize("limits", [True, False])
+def test_every_pair_is_decided(name, limits):
+    Q = arm_of(name).space.sample(44, np.random.default_rng(5), not limits)
+    answers = [decided(name, limits, a, b).answer for a, b in zip(Q[::2], Q[1::2], strict=True)]
+    assert set(answers) == {"same", "different"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "limits"), [_slow("ur5", True), _slow("z1", False), ("puma560", True)]
+)
+def test_pairs_of_one_aspect(name, limits):
+    found, by, bent = aspects_of(name, limits), {}, 0
+    for q in arm_of(name).space.sample(90, np.random.default_rng(6), not limits):
+        by.setdefault(found.of(q), []).append(q)
+    for group in by.values():
+        for a, b in list(zip(group[::2], group[1::2], strict=False))[:2]:
+            way = decided(name, limits, a, b)
+            assert way.same
+            bent += len(way.path) > 2
+    assert bent or name != "ur5"
+
+
+def test_json_and_back():
+    form = form_of("puma560")
+    way = pinsing.connect(form, [0, 0.1, 0.3, 0, 1, 0], [1, 0.3, 0.4, 0, 1, 0])
+    again = pinsing.postures.Connection.from_dict(json.loads(json.dumps(way.to_dict())))
+    assert again.answer == way.answer
+    assert np.array_equal(again.path, way.path)
+    found = aspects_of("puma560")
+    assert pinsing.postures.Aspects.from_dict(found.to_dict()).lower == 12
+    with pytest.raises(OptionError, match="read from JSON"):
+        pinsing.postures.Aspects.from_dict(found.to_dict()).of([0.0] * 6)
+
+
+def test_bad_input():
+    form, of = form_of("ur5"), aspects_of("ur5")
+    for start, said in (([0, 0, 9, 0, 0, 0], "outside its limits"), ([0, 0, 0], "needs 6 values")):
+        with pytest.raises(ConfigurationError, match=said):
+            pinsing.connect(form, start, [0] * 6, of=of)
+    with pytest.raises(OptionError, match="limits says otherwise"):
+        pinsing.connect(form, [0.1] * 6, [0.2] * 6, of=aspects_of("ur5", False))
+
+
+def there_and_back(arm, path):
+    """How far the ends of a path are from each other, whole turns aside: they reach one pose."""
+    first, last = (tip_placement(arm, q).homogeneous for q in (path[0], path[-1]))
+    assert np.abs(first - last).max() < 1e-9
+    return np.abs(arm.space.wrap(path[-1] - path[0])).max()
+
+
+@pytest.mark.parametrize("rows", [CRX, _slow(GOFA)])
+def test_offset_wrists_are_cuspidal(rows):
+    arm = dh_arm(rows)
+    found = pinsing.cuspidality(arm, poses=3)
+    assert (found.answer, found.proven) == ("cuspidal", True)
+    assert not any("certificate" in n or "practically singular" in n for n in found.notes)
+    path = found.witness.path
+    assert there_and_back(arm, path) > 1e-3
+    signs = signs_of_det(arm, path, 10_000 // len(path))
+    assert (signs == signs[0]).all()
+
+
+@pytest.mark.parametrize(
+    ("lengths", "answer", "aspects", "most"),
+    [
+        ((1, 2, 1.5, 1), "cuspidal", 2, 4), _slow((1, 2, 0.2, 1), "not cuspidal", 2, 2),
+        _slow((1, 2, 0.1, 1), "not cuspidal", 2, 2),
+        _slow((1, 2, 1.5, 0), "not cuspidal", 4, 4),
+    ],
+)  # fmt: skip
+def test_orthogonal_arms(lengths, answer, aspects, most):
+    """Three orthogonal axes (Wenger): d2, d3, d4, r2."""
+    d2, d3, d4, r2 = lengths
+    arm = dh_arm([(-90, d2, 0), (90, d3, r2), (0, d4, 0)], task="position")
+    found = pinsing.cuspidality(arm, poses=20)
+    assert (found.answer, found.aspects) == (answer, aspects)
+    assert found.most_solutions <= most
+
+
+@pytest.mark.parametrize("name", ["ur5", _slow("puma560"), _slow("irb1400")])
+def test_classic_arms_are_never_called_cuspidal(name):
+    found = pinsing.cuspidality(arm_of(name), forms=form_of(name), poses=4)
+    assert (found.answer, found.proven) == ("not cuspidal", True)
+    assert not any("certificate" in n for n in found.notes)
+    assert "3 signs" in found.reason
+    assert (found.most_solutions, found.witness) == (8, None)
+
+
+def test_where_no_theorem_is_known_nothing_is_claimed():
+    found = pinsing.cuspidality(arm_of("so101"), forms=form_of("so101"), poses=2)
+    assert (found.answer, found.proven) == ("no evidence", False)
+
+
+@pytest.mark.slow
+def test_an_arm_of_five_joints_says_what_its_answer_rests_on():
+    """SO-100 reaches over its own base: over the top no rank is lost, the elbow stays."""
+    arm = arm_of("so100")
+    found = pinsing.cuspidality(arm, forms=form_of("so100"), poses=3)
+    assert found.answer == "cuspidal"
+    path = found.witness.path
+    assert there_and_back(arm, path) > 1
+    assert pinsing.singular_values(arm, along(path, 2000))[:, 4].min() > 1e-5
+    said = " ".join(found.notes)
+    for words in ("with 5 joints regular means rank 5", "rests on numbers", "of the arm itself"):
+        assert words in said
+    assert "no certificate" not in said
+
+
+@pytest.mark.slow
+def test_a_way_is_regular_only_where_no_family_is_met():
+    arm = arm_of("ur5")
+    q = np.array([0.1, -1.0, 1.2, 0.3, 0.9, 0.2])
+    elbow, wrist = q.copy(), q.copy()
+    elbow[2], wrist[4] = 0.8, -0.9
+    assert regular_way(arm, np.array([q, elbow]))
+    assert not regular_way(arm, np.array([q, wrist]))
+    assert not regular_way(arm, np.array([q, elbow, wrist]))
+    low = pinsing.robot.nominal(arm_of("so100")).arm
+    family = next(f for f in form_of("so100").families if f.codimension == 2)
+    middle = family.sample(1, np.random.default_rng(0))[0]
+    aside = np.array([0.3, 0.2, 0.1, -0.2, 0.4])
+    way = np.array([middle - aside, middle + aside])
+    assert not regular_way(low, way)
+    assert regular_way(low, np.array([middle + 0.5 * aside, middle + aside]))
+
+
+def test_two_sheets_of_poses_that_cross_are_no_posture_change():
+    """The tip of an arm of five joints leaves one way from one configuration."""
+    arm = arm_of("so101")
+    a, b = arm.space.sample(2, np.random.default_rng(0), True)
+    assert one_sheet(arm, a, a)
+    assert not one_sheet(arm, a, b)
+    assert one_sheet(arm_of("ur5"), np.full(6, 0.3), np.full(6, 0.8))
+
+
+EVERY = ("F1", "F2", "F3")
+
+
+def lacking(name, *names):
+    """A closed form as a search would leave it that had no time for some families."""
+    form = form_of(name)
+    kept = tuple(f for f in form.families if f.name not in names)
+    assert len(kept) == len(form.families) - len(names)
+    return replace(form, families=kept, complete=False, gaps=("the time ran out",))
+
+
+def between(family):
+    """Ends on either side of a configuration of a family, on one straight line with it."""
+    rng, space = np.random.default_rng(1), arm_of("iiwa14").space
+    Q = family.sample(60, np.random.default_rng(0))
+    ends = np.stack([Q, Q], axis=1) + 0.1 * rng.normal(size=(60, 1, 7)) * [[-1], [1]]
+    return next(pair for pair in ends if not space.outside(pair).any())
+
+
+def test_ways_go_round_where_two_conditions_meet_at_once():
+    arm, form, of = arm_of("iiwa14"), form_of("iiwa14"), aspects_of("iiwa14")
+    thin = [f for f in form.families if f.codimension == 2]
+    assert len(thin) == 3
+    for family in thin:
+        a, b = between(family)
+        assert ratios(arm, along(np.stack([a, b]))).min() < 1e-4
+        way = pinsing.connect(form, a, b, of=of)
+        assert way.answer == "same"
+        assert len(way.path) > 2
+        assert regular_way(arm, way.path)
+        assert 0 < way.clearance <= pinsing.clearance(form, along(way.path)).upper.min() + 1e-12
+
+
+def test_what_is_singular_is_in_no_aspect():
+    form, of = form_of("iiwa14"), aspects_of("iiwa14")
+    singular = [0.1, 0.0, np.pi / 2, 1.0, 0.3, 0.5, 0.2]
+    beside = [0.1, 0.1, np.pi / 2, 1.0, 0.3, 0.5, 0.2]
+    assert of.of(singular) is None
+    assert of.of(beside) is not None
+    said = pinsing.connect(form, singular, beside, of=of)
+    assert (said.answer, said.proven) == ("undecided", False)
+    assert any("the start is singular, on F2" in n for n in said.notes)
+
+
+def test_the_count_is_a_lower_bound():
+    whole = pinsing.aspects(replace(form_of("puma560"), proof=None))
+    assert (whole.word, whole.proven, whole.lower) == ("probable", True, 12)
+    assert whole.text().startswith(
+        "puma560: 12 aspects within the joint limits, proven for the families found; that "
+        "these are all is probable\n"
+    )
+    for names in (("F1",), ("F2",), EVERY):
+        found = pinsing.aspects(lacking("puma560", *names))
+        assert (found.word, found.proven, found.upper) == ("not complete", False, None)
+        assert found.lower < whole.lower
+        assert found.text().startswith(f"puma560: at least {found.lower} aspect")
+        assert "(the time ran out): a family that is missing may cut more" in found.text()
+
+
+def test_with_a_certificate_nothing_is_left_to_say():
+    form = pinsing.closed_form(arm_of("scara"), prove=True)
+    found = pinsing.aspects(form)
+    assert found.text().startswith("scara: 2 aspects within the joint limits, proven\n")
+    stanford = pinsing.aspects(pinsing.closed_form(arm_of("stanford")))
+    assert any("d3 in" in where for where in stanford[0].where)  # as its joints are called
+    way = pinsing.connect(form, [0, 1, 0, 0], [0, 2, 0, 0], of=found)
+    assert (way.answer, way.proven, way.notes) == ("same", True, ())
+
+
+@pytest.mark.parametrize("names", [_slow(("F2",)), EVERY])
+def test_same_is_said_only_where_the_jacobian_proves_it(names):
+    arm, whole = arm_of("puma560"), aspects_of("puma560")
+    form = lacking("puma560", *names)
+    of = pinsing.aspects(form)
+    rng = np.random.default_rng(2)
+    answers = set()
+    for a, b in arm.space.sample(24 if names == EVERY else 240, rng).reshape(-1, 2, 6):
+        way = pinsing.connect(form, a, b, of=of)
+        answers.add(way.answer)
+        assert way.proven == (way.answer != "undecided")
+        if way.answer == "undecided":
+            assert way.path is None
+            assert "not complete" in way.text()
+        else:
+            assert way.same == (whole.of(a) == whole.of(b))
+    assert {"different", "undecided" if names == EVERY else "same"} <= answers
+
+
+def test_a_pair_without_any_family_between_is_told_by_the_determinant():
+    form = lacking("puma560", *EVERY)
+    a, b = [0.1, -0.6, 0.4, 0.2, 0.7, 0.3], [0.1, -0.6, 0.4, 0.2, -0.7, 0.3]
+    J = columns(arm_of("puma560"), np.array([a, b]))
+    assert np.linalg.det(J[0]) * np.linalg.det(J[1]) < 0
+    way = pinsing.connect(form, a, b)
+    assert (way.answer, way.aspects) == ("different", (1, 1))
+    assert "both of what is known as 1" in way.text()
+
+
+def test_no_posture_is_reached_through_what_lacks():
+    arm = arm_of("puma560")
+    q = [0.1, -0.6, 0.4, 0.2, 0.7, 0.3]
+    found = pinsing.posture_changes(arm, q, forms=lacking("puma560", *EVERY))
+    assert len(found.others) == 7
+    assert " reached by " not in found.text()
+    assert ": 0 reached without" in found.text()
+    assert "a family that is missing may cut more" in found.text()
+
+
+@pytest.mark.slow
+def test_what_an_answer_rests_on_is_of_that_answer():
+    form, of = replace(form_of("ur5"), proof=None), aspects_of("ur5")
+    apart = pinsing.connect(form, [0, -1, 1, 0.3, 1, 0], [0, -1, 1, 0.3, -1, 0], of=of)
+    assert (apart.answer, apart.proven, apart.notes) == ("different", True, ())
+    found = pinsing.posture_changes(arm_of("ur5"), [0.1, -1, 1.2, 0.3, 0.9, 0.2], forms=form)
+    assert not any("certificate" in n for n in found.notes)
+    near = pinsing.connect(form, [0, -1, 1, 0.3, 1, 0], [0.2, -1, 1, 0.3, 1.1, 0], of=of)
+    assert near.proven
+    assert any("proven from the Jacobian" in n for n in near.notes)
+
+
+@pytest.mark.slow
+def test_those_are_held_without_which_the_others_reach_the_pose():
+    arm = pinsing.load("ur5", task="position")
+    found = pinsing.posture_changes(arm, [0.3, -1.0, 1.2, 0.4, 0.9, 0.2])
+    assert len(found.others) <= 7
+    assert not found.doubt
+    (said,) = [n for n in found.notes if "held" in n]
+    assert "wrist_3_joint" in said
+
+
+def test_aspects_of_another_arm_are_refused():
+    puma, of, ends = form_of("puma560"), aspects_of("ur5"), ([0.1] * 6, [0.2] * 6)
+    with pytest.raises(OptionError, match="another arm"):
+        pinsing.connect(puma, *ends, of=of)
+    with pytest.raises(OptionError, match="another arm"):
+        pinsing.postures.aspect_changes(puma, ends, of=of)
+    again = pinsing.closed_form(replace(arm_of("ur5")))
+    assert again is not form_of("ur5")
+    assert pinsing.connect(again, *ends, of=of).answer == "same"
+
+
+@pytest.mark.slow
+def test_an_arm_that_rounding_made_cuspidal():
+    rows = (-90, 0, 0), (0, 1, 0.2), (-90, 0.02, 0), (90, 0, 1), (-90, 1.0e-9, 0), (0, 0, 0)
+    found = pinsing.cuspidality(dh_arm(rows), poses=5)
+    assert (found.answer, found.proven) == ("cuspidal", True)
+    assert found.least_ratio < 1e-5
+    (said,) = [n for n in found.notes if "practically singular" in n]
+    assert "not cuspidal" in said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("q", [(0, 0, 0, 0, 0, 0), (0.1, -1, 1.2, 0.3, 0, 0.2)])
+def test_singular_solutions_on_a_curve_are_examples_and_no_count(q):
+    """With q5 = 0 joints 2, 3, 4 and 6 turn about parallel axes: one freedom more than needed."""
+    arm = pinsing.load("ur5")
+    found = pinsing.posture_changes(arm, q)
+    regular = [other for other in found.others if other.solution.regular]
+    singular = len(found.others) - len(regular)
+    first, *rest = found.text().splitlines()
+    assert singular > 4
+    assert first.startswith(f"ur5: {len(regular)} other postures of this pose; this one is sing")
+    assert any(f"Singular solutions too (examples, {singular} found)" in line for line in rest)
+    assert "infinitely many" in found.doubt
+    assert not any("was not found" in note for note in found.notes)
+
+
+def test_a_way_round_a_singularity_is_raised_and_stays_a_way():
+    """The elbow stays bent, and the wrist is taken near to q5 = 0 on purpose."""
+    chosen = aspects_of("ur5")._map
+    start = np.array([0.0, -1.0, 1.2, 0.3, 1.0, 0.0])
+    end = start + np.array([0.4, 0.1, 0.2, 0.1, 0.2, 0.0])
+    close = (start + end) / 2
+    close[4] = 0.02
+    path = np.stack([start, close, end])
+    after = raised(chosen, path, iter(range(1000)))
+    assert chosen.clear(path)
+    assert chosen.clear(after)
+    assert least(chosen, path) <= 0.02
+    assert least(chosen, after) > 0.3
+    assert np.array_equal(after[[0, -1]], [start, end])

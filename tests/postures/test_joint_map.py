@@ -1,0 +1,421 @@
+"""Cells of joint space: counts of aspects against a flood fill that shares no code with them.
+
+Sections across a joint have the components that boxes find, and a flood fill of their own.
+"""
+
+import functools
+import itertools
+import math
+
+import numpy as np
+import pytest
+from arms import pinocchio_jacobian
+from dh_arms import CRX, along, aspects_of, dh_arm
+from scipy import ndimage
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from tiers import tiered, tiered_rows
+
+import pinsing
+from pinsing.algebra.budget import Budget
+from pinsing.algebra.equation import Equation
+from pinsing.algebra.trig_sum import TrigSum
+from pinsing.postures.boxes import Ground, Leaves, is_regular, on_boxes, slope, sum_of
+from pinsing.postures.joint_map import (
+    Arc,
+    Divided,
+    Part,
+    Surface,
+    Wheel,
+    across,
+    divided,
+    partition,
+    subdivide,
+)
+from pinsing.proximity.clearance import watch
+
+# The flood fill. Joints that one equation joins make a group, any other joint that matters is one
+# alone; what the groups are cut into multiplies. A group is put on a grid; neighbours are joined
+# where no equation changes its sign and no singular joint value lies between them, and a joint
+# that turns endlessly is closed to a ring. The grid is made finer until two of them agree; pieces
+# thinner than a cell in each direction, which a grid tears, do not count. That the equations are
+# all there is to the sign of the determinant is asked of Pinocchio, at random values of all
+# joints.
+ENDLESS_SLIDE = (-3.3, 3.7)
+POINTS = {1: (20_000, 50_000), 2: (160, 240, 360, 540), 3: (40, 56, 80, 112)}
+"""Cells for each turn of a joint, by the number of joints of a group.
+
+One joint alone is cut finely: two singular values of the Talos arm are 0.14 degrees apart.
+"""
+
+
+FEET = {"leg of ANYmal": ("anymal", "LF_FOOT"), "solo12": ("solo12", "FL_FOOT")}
+
+
+@functools.cache
+def arm_of(name):
+    """One of ``ARMS``."""
+    if name.startswith("3R"):
+        d2, d3, d4, r2 = (float(x) for x in name[3:].split(","))
+        return dh_arm([(-90, d2, 0), (90, d3, r2), (0, d4, 0)], "position")
+    if name in FEET:
+        robot, tip = FEET[name]
+        return pinsing.load(robot, tip=tip, task="position")
+    return pinsing.load(name)
+
+
+@functools.cache
+def form_of(name):
+    return pinsing.closed_form(arm_of(name))
+
+
+def cuts(form):
+    """Equations, and singular values by joint, of the families that can separate."""
+    equations, values = [], {}
+    for family in form.families:
+        if not family.real or family.codimension != 1:
+            continue
+        for branch in family.branches:
+            if branch.equations:
+                assert len(branch.equations) == 1
+                assert not branch.values
+                equations.append(branch.equations[0])
+            else:
+                (value,) = branch.values
+                values.setdefault(value.joint, set()).add(value.value)
+    return equations, values
+
+
+def groups(equations, values):
+    """Joints that equations join, and those that have singular values."""
+    found = [{j} for j in values]
+    for equation in equations:
+        mine = set(equation.involved)
+        for other in [g for g in found if g & mine]:
+            mine |= other
+            found.remove(other)
+        found.append(mine)
+    return [sorted(g) for g in found]
+
+
+def nodes(arm, j, limits, cells):
+    """Values of a joint on the grid, and whether the last one is the first, a turn on."""
+    low, high = float(arm.lower[j]), float(arm.upper[j])
+    ends = math.isfinite(low) and math.isfinite(high)
+    if arm.prismatic[j]:
+        low, high = (low, high) if limits and ends else ENDLESS_SLIDE
+        return np.linspace(low, high, cells + 1)[:-1] + (high - low) / (2 * cells), False
+    if limits and ends:
+        n = math.ceil(cells * (high - low) / (2 * math.pi))
+        return low + (np.arange(n) + 0.5) * (high - low) / n, False
+    return -math.pi + 0.0123 + np.arange(cells + 1) * 2 * math.pi / cells, True
+
+
+def kinds(form, joints, axes):
+    """One number for all signs and ranges, for each node of the grid."""
+    count = math.ceil(math.prod(map(len, axes)) / 200_000)
+    parts = np.array_split(axes[0], count)
+    return np.concatenate([slab(form, joints, [x, *axes[1:]]) for x in parts])
+
+
+def slab(form, joints, axes):
+    """The same for some of the grid, so that it has room."""
+    equations, values = cuts(form)
+    mesh = np.meshgrid(*axes, indexing="ij")
+    q = np.zeros((*mesh[0].shape, form.arm.n))
+    for j, x in zip(joints, mesh, strict=True):
+        q[..., j] = x
+    kind = np.zeros(mesh[0].shape, dtype=np.int64)
+    for equation in equations:
+        if set(equation.involved) <= set(joints):
+            value = np.asarray(equation(q))
+            assert (value != 0).all()
+            kind = 2 * kind + (value > 0)
+    for j, x in zip(joints, mesh, strict=True):
+        between = np.zeros(x.shape, dtype=np.int64)
+        for v in values.get(j, ()):
+            below = x > v if form.arm.prismatic[j] else np.floor((x - v) / (2 * math.pi))
+            between += np.asarray(below, dtype=np.int64)
+        kind = 64 * kind + between + 16
+    return kind
+
+
+def components(kind, rings):
+    """A number for each node of a grid, the same for those that are joined over faces."""
+    number = np.arange(kind.size).reshape(kind.shape)
+    ends = []
+    for axis, ring in enumerate(rings):
+        at, sort = np.moveaxis(number, axis, 0), np.moveaxis(kind, axis, 0)
+        alike = sort[1:] == sort[:-1]
+        ends.append((at[:-1][alike], at[1:][alike]))
+        if ring:
+            ends.append((at[0].ravel(), at[-1].ravel()))
+    near, far = (np.concatenate(side) for side in zip(*ends, strict=True))
+    graph = coo_array((np.ones(len(near), dtype=bool), (near, far)), shape=(kind.size,) * 2)
+    return connected_components(graph, directed=False)[1].reshape(kind.shape)
+
+
+def fill(kind, rings):
+    """Number of pieces that hold a node with all its neighbours."""
+    cross = {"footprint": ndimage.generate_binary_structure(kind.ndim, 1), "mode": "nearest"}
+    inner = ndimage.minimum_filter(kind, **cross) == ndimage.maximum_filter(kind, **cross)
+    return len(np.unique(components(kind, rings)[inner]))
+
+
+def pieces(form, joints, limits):
+    """The number on which two grids agree."""
+    before = 0
+    for cells in POINTS[len(joints)]:
+        made = [nodes(form.arm, j, limits, cells) for j in joints]
+        kind = kinds(form, joints, [x for x, _ in made])
+        found = fill(kind, [ring for _, ring in made])
+        if found == before:
+            return found
+        before = found
+    raise AssertionError(f"no two grids agree about joints {joints}")
+
+
+ARMS = [
+    "ur3", "ur5", "ur10", "ur3_limited", "ur5_limited", "puma560", "irb1400", "kinova", "z1",
+    "talos_arm", "stanford", "scara", "so100", "so101", "iiwa14", "surgical7", "planar3r",
+    "leg of ANYmal", "solo12", "3R 1,2,1.5,1", "3R 1,2,0.2,1", "3R 1,2,1.5,0", "3R 1,1.5,0.6,0.3",
+]  # fmt: skip
+
+
+SQUARE = [
+    name
+    for name in ARMS
+    if name not in ("so100", "so101", "iiwa14", "surgical7", "planar3r", "scara")
+]
+
+
+def sides(form, q):
+    """For each family that separates, its sign at q (K, n), whole turns aside."""
+    equations, values = cuts(form)
+    found = [np.sign(e(q)) for e in equations]
+    for j, every in values.items():
+        for v in every:
+            x = q[:, j] - v
+            found.append(np.sign(x if form.arm.prismatic[j] else np.sin(x / 2)))
+    return np.array(found).T
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SQUARE)
+def test_the_sign_of_the_determinant_is_that_of_the_families(name):
+    """Pinocchio's determinant has one sign where these have one: nothing else separates."""
+    form, arm = form_of(name), arm_of(name)
+    rng = np.random.default_rng(7)
+    low = np.where(arm.prismatic, 0.1, -math.pi)
+    high = np.where(arm.prismatic, 1.0, math.pi)
+    q = rng.uniform(low, high, (4000, arm.n))
+    rows = list(arm.task.rows)
+    of_det = np.sign([np.linalg.det(pinocchio_jacobian(arm, x)[rows]) for x in q])
+    known = {}
+    for side, sign in zip(map(tuple, sides(form, q)), of_det, strict=True):
+        assert known.setdefault(side, sign) == sign
+    assert set(known.values()) == {-1.0, 1.0}
+
+
+@pytest.mark.parametrize(
+    ("name", "limits"), tiered_rows(itertools.product(ARMS, (False, True)), [("ur5", False)])
+)
+def test_a_count_is_that_of_a_flood_fill(name, limits):
+    form = form_of(name)
+    joined = groups(*cuts(form))
+    assert all(len(g) <= 3 for g in joined)
+    counted = pinsing.aspects(form, limits)
+    assert counted.proven
+    assert math.prod(pieces(form, g, limits) for g in joined) == counted.lower
+
+
+def random_part(rng, d, low, high):
+    """A box and R cos(q1 - phi) with random lengths: q1 once in every term."""
+    rows, sizes = [], rng.normal(size=2 + 2 * d)
+    for k in range(2 + 2 * d):
+        row = np.zeros(d, dtype=np.int64)
+        row[0] = 2
+        if k > 1:
+            row[1 + int(rng.integers(d - 1))] = 2 * rng.integers(-1, 2)
+        rows.append(row)
+    f = np.array(rows)
+    phase = rng.uniform(0, 2 * math.pi, len(f))
+    names = tuple(f"q{j + 1}" for j in range(d))
+    zero = np.zeros(d)
+    e = Equation(names, f, f * 0, sizes * np.cos(phase), sizes * np.sin(phase), zero)
+    arcs = tuple(Arc(float(low[j]), float(high[j])) for j in range(d))
+    return Part(tuple(range(d)), tuple((a,) for a in arcs), (Surface("F1", e, True),)), arcs
+
+
+def flood(terms, low, high, n):
+    """Sizes of the components of equal sign on a grid."""
+    axes = (np.linspace(a, b, n) for a, b in zip(low, high, strict=True))
+    kind = np.sign(terms(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)))
+    return np.bincount(components(kind, [False] * kind.ndim).ravel())
+
+
+@pytest.mark.parametrize("seed", tiered(range(6), (0, 4)))
+def test_the_components_are_those_of_boxes_and_of_a_flood_fill(seed):
+    rng = np.random.default_rng(seed)
+    low = np.array([-rng.uniform(0.5, 6.2), -rng.uniform(1, 3)])
+    high = np.array([rng.uniform(0.5, 6.2), rng.uniform(1, 3)])
+    part, box = random_part(rng, 2, low, high)
+    hub = across(part, box)
+    assert hub is not None
+    found = divided(part, box, hub, np.ones(2), Budget(5.0)).found
+    terms = sum_of(part.surfaces[0].equation, part.joints)
+    whole = divided(part, box, None, np.ones(2), Budget(5.0)).found
+    assert found.proven
+    assert (whole.proven, whole.lower) == (True, found.lower)
+    sizes = flood(terms, low, high, 241)
+    # A grid may miss a sliver, or tear one; it holds every piece that is larger.
+    assert (sizes > 40).sum() <= found.lower <= len(sizes)
+
+
+def test_a_component_has_points_of_its_sign_and_ways_between_them():
+    rng = np.random.default_rng(5)
+    low, high = np.array([-4.0, -3.0, -2.0]), np.array([5.0, 3.0, 2.5])
+    part, box = random_part(rng, 3, low, high)
+    hub = across(part, box)
+    piece = divided(part, box, hub, np.ones(3), Budget(5.0))
+    assert piece.found.proven
+    terms = sum_of(part.surfaces[0].equation, part.joints)
+
+    def clear(X):
+        signs = np.sign(terms(along(X, 60)))
+        return bool((signs == signs[0]).all())
+
+    assert piece.found.lower > 1
+    for c in range(piece.found.upper):
+        x = piece.examples(c)
+        assert (np.sign(terms(x)) == piece.signs(c)[0]).all()
+        assert ((low <= x) & (x <= high)).all()
+        for a, b in zip(x[:8], x[::-1][:8], strict=False):
+            assert piece.locate(a, clear) == c
+            way = piece.route(a, b, clear)
+            assert clear(way)
+            assert np.array_equal(way[0], a)
+            assert np.allclose(way[-1], b)
+            assert ((low - 1e-9 <= way) & (way <= high + 1e-9)).all()
+
+
+def test_a_saddle_on_a_limit_has_no_largest_value_and_a_hill_has_one():
+    """sin q1 sin q2 at its crossing bends both ways; cos q1 cos q2 is largest at 0."""
+    f = np.array([[1.0, -1.0], [1.0, 1.0]])
+    power = np.zeros((2, 2), dtype=np.int64)
+    crossing = TrigSum([0.5, 0.5], [0.0, math.pi], f, power, 1e-12)
+    hill = TrigSum([0.5, 0.5], np.zeros(2), f, power, 1e-12)
+    x, h = np.zeros((1, 2)), np.full((1, 2), 0.05)
+    # Where both joints are at their ends there is no line left to bend along.
+    for terms, side, regular in ((crossing, 0.0, True), (hill, 0.0, False), (crossing, 1.0, False)):
+        ground = Ground((terms,), x[0], x[0], np.zeros(2, dtype=bool), np.ones(2))
+        known, sides = [on_boxes(terms, x, h)], np.full((1, 2), side)
+        assert is_regular(ground, known, [0], x, h, sides).all() == regular
+
+
+@pytest.mark.slow
+def test_every_regular_configuration_has_an_aspect_though_a_section_lies_on_a_family():
+    """The elbow of this arm is singular at joint values of its own, where boxes end."""
+    arm = dh_arm([(-90, 0.971, 0), (90, 0.798, 0.84), (0, 1.372, 0)], "position")
+    form = pinsing.closed_form(arm)
+    found = pinsing.aspects(form)
+    assert found.lower == found.upper == 9
+    Q = np.random.default_rng(5).uniform(-3.1, 3.1, (40, 3))
+    clear = Q[np.asarray(pinsing.clearance(form, Q).lower) > 0.02]
+    assert len(clear) > 20
+    numbers = [found.of(q) for q in clear]
+    assert None not in numbers
+    signs = np.sign([np.linalg.det(pinsing.kinematics.task_jacobian(arm, q)) for q in clear])
+    for a, b, m, n in zip(signs, signs[1:], numbers, numbers[1:], strict=False):
+        assert m != n or a == b
+    assert pinsing.connect(form, clear[0], clear[0], of=found).same
+
+
+def made(frequencies, cos, sin=None, powers=None):
+    f = np.array(frequencies, dtype=np.int64)
+    p = np.zeros_like(f) if powers is None else np.array(powers)
+    sin = np.zeros(len(f)) if sin is None else np.array(sin)
+    return Equation(("q1", "q2"), f, p, np.array(cos), sin, np.zeros(2))
+
+
+def box(equation, low, high, circle=(False, False)):
+    terms = sum_of(equation, (0, 1))
+    return (Ground((terms,), np.array(low), np.array(high), np.array(circle), np.ones(2)),)
+
+
+@pytest.mark.parametrize(
+    ("equation", "corner", "circle", "count"),
+    [
+        # cos q1 + cos q2 = 0.5: a closed curve about the origin; inside and outside.
+        (made([[2, 0], [0, 2], [0, 0]], [1.0, 1.0, -0.5]), (3.0, 3.0), False, 2),
+        # The outside of it in a small box is in four corners.
+        (made([[2, 0], [0, 2], [0, 0]], [1.0, 1.0, -1.5]), (1.0, 1.0), False, 5),
+        # Circles join what a box cuts: cos q1.
+        (made([[2, 0]], [1.0]), (3.14, 1.0), False, 3),
+        (made([[2, 0]], [1.0]), (np.pi, 1.0), True, 2),
+        # A half angle has no sign round a circle: cos(q1 / 2) has one zero a turn.
+        (made([[1, 0]], [1.0]), (np.pi, 1.0), True, 1),
+    ],
+)
+def test_counts_of_pieces(equation, corner, circle, count):
+    low = [-x for x in corner]
+    found = subdivide(box(equation, low, corner, (circle, False)), Budget(5.0))
+    assert found.proven
+    assert found.lower == count
+
+
+def test_a_crossing_of_sheets_is_not_proven():
+    # cos q1 = cos q2, as one equation: two lines that cross.
+    e = made([[2, 0], [0, 2]], [1.0, -1.0])
+    found = subdivide(box(e, [-1.0, -1.0], [1.1, 1.2]), Budget(0.3))
+    assert not found.proven
+    assert found.lower <= 4
+
+
+def test_small_boxes_of_many_joints_are_told_apart():
+    index = np.array([[0, 0, 0, 0], [0, 0, 0, 2**17 - 2]])  # one integer of them overflows
+    level = np.full(2, 14)
+    leaves = Leaves(level, index, np.zeros((2, 1, 1), int), np.ones(2, bool))
+    assert leaves.find(level, index).tolist() == [0, 1]
+    assert leaves.find(level[:1], np.array([[2**13, 0, 0, 0]])).tolist() == [-1]
+
+
+def test_bounds_hold():
+    """Value and slope on random boxes are within what is said of them; lengths, too."""
+    rng = np.random.default_rng(0)
+    slides = made([[2, 0], [0, 0], [4, 0]], [1.0, -0.3, 0.2], [0.4, 0.0, -0.1],
+                  [[0, 2], [0, 1], [0, 3]])  # fmt: skip
+    arms = [e for n in ("ur5", "puma560") for f in form_of(n).families for e in f.equations]
+    for e in (*arms, slides):
+        joints = [*e.involved]
+        terms, d = sum_of(e, e.involved), len(joints)
+        x, h = rng.uniform(-2, 2, (200, d)), rng.uniform(0, 0.4, (200, d))
+        known, v = on_boxes(terms, x, h), rng.normal(size=(200, d))
+        rise, error = slope(terms, x, h, v)
+
+        def full(y, e=e, joints=joints):
+            q = np.zeros((len(y), len(e.joints)))
+            q[:, joints] = y
+            return q
+
+        np.testing.assert_allclose(known.value, e(full(x)), atol=1e-12)
+        np.testing.assert_allclose(known.gradient, e.gradient(full(x))[:, joints], atol=1e-12)
+        for _ in range(50):
+            y = x + h * rng.uniform(-1, 1, x.shape)
+            assert (np.abs(e(full(y)) - known.value) <= known.swing).all()
+            along = np.einsum("nd,nd->n", e.gradient(full(y))[:, joints], v)
+            assert (np.abs(along - rise) <= error + 1e-12).all()
+
+
+@pytest.mark.slow
+def test_an_offset_wrist_has_two_aspects_by_algebra():
+    form = pinsing.closed_form(dh_arm(CRX))
+    cut = partition(watch(form), limits=False)
+    (part,) = [p for p in cut.parts if p.surfaces]
+    found = pinsing.aspects(form, limits=False)
+    (piece,) = [p for pieces in found._map.pieces for p in pieces if p.part.joints == part.joints]
+    assert isinstance(piece, Wheel)
+    assert (found.proven, found.lower) == (True, 2)
+    for name, by_section in (("ur5", True), ("irb1400", False)):
+        each = [p for pieces in aspects_of(name)._map.pieces for p in pieces]
+        assert by_section in {p.hub is not None for p in each if isinstance(p, Divided)}
