@@ -1,8 +1,12 @@
 """Pictures of mechanisms: maps, slices through the workspace by mode, curves, modes."""
 
+from __future__ import annotations
+
 import itertools
 import json
 import sys
+from pathlib import Path
+from typing import Any
 
 import click
 import matplotlib as mpl
@@ -17,8 +21,8 @@ from tiers import sampled, tiered
 from urdf_text import J, Y, frame, loop_text, written
 
 import pinsing
-from pinsing.cli.mechanism import analyze_loops, loops_option, view_loops
-from pinsing.cli.options import joint_values
+from pinsing.cli.mechanism import analyze_loops, view_loops
+from pinsing.cli.options import argument, command, joint_values, option
 from pinsing.cli.show import plot_loops
 from pinsing.errors import OptionError, PinsingError
 from pinsing.loops import (
@@ -383,15 +387,15 @@ def test_plots_are_written(kind, tmp_path):
 
 
 def test_loops_alone_means_the_file_beside_and_its_absence_is_said():
-    @click.command()
-    @loops_option(lambda loops, **options: click.echo(f"{loops.name} {sorted(options.items())}"))
-    @click.argument("robot")
-    @click.option("-o", "html")
-    def command(robot: str, html: str | None) -> None:
+    def told(loops: Path, **options: Any) -> None:
+        click.echo(f"{loops.name} {sorted(options.items())}")
+
+    @command("arm", mechanism=told)
+    def of_arm(robot: str = argument(), html: str | None = option(None, "-o")) -> None:
         click.echo(f"arm {robot}")
 
     def said(*words):
-        return CliRunner().invoke(command, words)
+        return CliRunner().invoke(of_arm, words)
 
     taken = "gough_stewart.loops.yaml [('html', 'a'), ('robot', 'gough_stewart')]\n"
     assert said("gough_stewart", "--loops", "-o", "a").output == taken

@@ -21,10 +21,7 @@ from pinsing.cli import STOPPED, completion
 from pinsing.cli.mechanism import (
     analyze_loops,
     families_loops,
-    joints_option,
-    loops_option,
     map_loops,
-    over_option,
 )
 from pinsing.cli.options import (
     NAMES,
@@ -33,30 +30,34 @@ from pinsing.cli.options import (
     JointValues,
     RobotRequest,
     Typed,
+    argument,
     arm_options,
     at_joint,
     chosen_for,
     command,
     deg_option,
     fail_option,
+    ignore_limits_option,
     in_degrees,
     joint_names,
     json_option,
-    output_option,
+    only_option,
+    option,
     parse_numbers,
+    seed_option,
     verbose_option,
     whole_number,
+    written,
     zones_option,
 )
 from pinsing.cli.output import (
     STDOUT,
-    F,
     Place,
     emit,
     emit_json,
     emit_json_data,
-    place_options,
     put,
+    run_place,
     run_progress,
     say,
     say_stopped,
@@ -74,45 +75,33 @@ RAW_ANGLE_TOL = 1e-10
 """Radians: with --raw, only float noise is taken out of the angles that tests are run on."""
 
 
-def algebra_options(command: F) -> F:
-    """Add the options of closed forms; the command gets those that were given as ``algebra``."""
-
-    @click.option(
-        "--seconds",
-        type=float,
-        metavar="S",
-        help="Time for the answer.  [default: 10, analyze 60, with --loops none]",
-    )
-    @click.option(
-        "--angle-tol",
-        type=float,
+def _algebra(
+    seconds: float | None = option(
+        "Time for the answer.  [default: 10, analyze 60, with --loops none]", metavar="S"
+    ),
+    angle_tol: float | None = option(
+        "Angles this close to a multiple of 90 degrees count as exact.  [default: 0.002]",
         metavar="RAD",
-        help="Angles this close to a multiple of 90 degrees count as exact.  [default: 0.002]",
-    )
-    @click.option(
-        "--snap-length",
-        type=float,
+    ),
+    snap_length: float | None = option(
+        "Lengths below this count as zero: noise of the model file.  [default: off]",
         metavar="METRES",
-        help="Lengths below this count as zero: noise of the model file.  [default: off]",
-    )
-    @functools.wraps(command)
-    def wrapper(*args: Any, **options: Any) -> Any:
-        asked = {name: options.pop(name) for name in ("seconds", "angle_tol", "snap_length")}
-        algebra = {name: value for name, value in asked.items() if value is not None}
-        return command(*args, algebra=algebra, **options)
-
-    return wrapper  # type: ignore[return-value]
+    ),
+) -> dict[str, Any]:
+    """Options of closed forms that were given."""
+    asked = {"seconds": seconds, "angle_tol": angle_tol, "snap_length": snap_length}
+    return {name: value for name, value in asked.items() if value is not None}
 
 
-def prove_option(command: F) -> F:
-    """Add ``--prove``; the command gets ``prove`` as `closed_form` takes it."""
-    return click.option(
-        "--prove/--no-prove",
-        default=None,
-        callback=lambda ctx, param, value: "auto" if value is None else value,
-        help="Look for a certificate that no family is missing, for up to a minute (or --seconds), "
-        "or not at all.  [default: as far as a few seconds lead]",
-    )(command)
+algebra_options: Any = _algebra
+prove_option = option(
+    "Look for a certificate that no family is missing, for up to a minute (or --seconds), or not "
+    "at all.  [default: as far as a few seconds lead]",
+    "--prove/--no-prove",
+    default=None,
+    callback=lambda ctx, param, value: "auto" if value is None else value,
+)
+"""The command gets ``prove`` as `closed_form` takes it."""
 
 
 def _special(text: str, option: str, degrees: bool | None) -> tuple[float, ...]:
@@ -134,67 +123,32 @@ def _levels(text: str, option: str, degrees: bool | None) -> tuple[int, ...]:
     return tuple(sorted(found))
 
 
-def sweep_options(quiet: bool = False) -> Callable[[F], F]:
-    """Add the options of the sweep; they reach the command as keyword arguments of `sweep`.
-
-    And as ``geometry``: "raw", "nominal" or "both".
-    """
-    # With ``quiet``, the notes of loading are left to the result, which repeats them.
-    return functools.partial(_with_sweep_options, quiet=quiet)
-
-
-def _with_sweep_options(command: F, *, quiet: bool) -> F:
-
-    @click.option(
-        "--nominal-q",
-        type=VECTOR,
-        help="Where joints stay while others are swept.  [default: a regular configuration]",
-    )
-    @click.option(
-        "--special",
+def _swept(
+    nominal_q: JointValues | None = option(
+        "Where joints stay while others are swept.  [default: a regular configuration]", type=VECTOR
+    ),
+    special: tuple[float, ...] | None = option(
+        "Special values of revolute joints.  [default: 0,pi/2,-pi/2,pi,-pi]",
         type=Typed("A,B,...", _special),
-        help="Special values of revolute joints.  [default: 0,pi/2,-pi/2,pi,-pi]",
-    )
-    @click.option(
-        "--levels",
-        type=Typed("1,2 or 1-3", _levels),
-        help="How many joints are held at special values at a time.",
-    )
-    @click.option("--samples", type=click.IntRange(min=2), help="Points of each swept curve.")
-    @click.option(
-        "--sweep-joints",
-        type=NAMES,
-        shell_complete=completion.joints,
-        help="Joints that take part in the sweep.",
-    )
-    @click.option("--ignore-limits", is_flag=True, help="Ignore joint limits.")
-    @click.option(
-        "--no-prune", is_flag=True, help="Also sweep sets that contain one already found singular."
-    )
-    @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
-    @click.option("--raw", is_flag=True, help="Everything on the numbers of the file as they are.")
-    @click.option(
-        "--nominal", is_flag=True, help="Everything on the nominal geometry: rounding taken out."
-    )
-    @functools.wraps(command)
-    def wrapper(
-        request: RobotRequest,
-        nominal_q: JointValues | None,
-        special: tuple[float, ...] | None,
-        levels: tuple[int, ...] | None,
-        samples: int | None,
-        sweep_joints: tuple[str, ...] | None,
-        ignore_limits: bool,
-        no_prune: bool,
-        seed: int,
-        raw: bool,
-        nominal: bool,
-        **rest: Any,
-    ) -> Any:
-        OptionError.refuse_if(raw and nominal, "--raw and --nominal exclude each other")
-        click.get_current_context().obj = request
-        arm = request.load(quiet)
-        chosen = chosen_for(
+    ),
+    levels: tuple[int, ...] | None = option(
+        "How many joints are held at special values at a time.", type=Typed("1,2 or 1-3", _levels)
+    ),
+    samples: int | None = option("Points of each swept curve.", type=click.IntRange(min=2)),
+    sweep_joints: tuple[str, ...] | None = option(
+        "Joints that take part in the sweep.", type=NAMES, shell_complete=completion.joints
+    ),
+    ignore_limits: bool = ignore_limits_option,
+    no_prune: bool = option("Also sweep sets that contain one already found singular."),
+    seed: int = seed_option,
+    raw: bool = option("Everything on the numbers of the file as they are."),
+    nominal: bool = option("Everything on the nominal geometry: rounding taken out."),
+) -> Callable[[Arm], dict[str, Any]]:
+    """What to sweep: of an arm, keyword arguments of `analyze`."""
+    OptionError.refuse_if(raw and nominal, "--raw and --nominal exclude each other")
+
+    def chosen(arm: Arm) -> dict[str, Any]:
+        given = chosen_for(
             arm,
             special=special,
             levels=levels,
@@ -202,36 +156,60 @@ def _with_sweep_options(command: F, *, quiet: bool) -> F:
             joints=None if sweep_joints is None else joint_names(arm, sweep_joints),
             nominal=nominal_q,
         )
-        chosen |= {"ignore_limits": ignore_limits, "prune": not no_prune, "seed": seed}
         geometry = "raw" if raw else "nominal" if nominal else "both"
-        return command(arm, chosen, geometry=geometry, **rest)
+        given |= {"ignore_limits": ignore_limits, "prune": not no_prune, "seed": seed}
+        return given | {"geometry": geometry}
 
-    return wrapper  # type: ignore[return-value]
+    return chosen
+
+
+sweep_options: Any = _swept
+
+
+def _placed(
+    engine: str = option(
+        "auto, batch, pinocchio, or an instruction set: baseline, avx2, avx512.",
+        default="auto",
+        metavar="NAME",
+        shell_complete=completion.choices(
+            "auto", "batch", "pinocchio", "baseline", "avx2", "avx512"
+        ),
+    ),
+    threads: int | None = option(
+        "Threads.  [default: all processors]", type=click.IntRange(min=1), metavar="N"
+    ),
+    workers: int | None = option(
+        "Worker processes instead of threads.", type=click.IntRange(min=1), metavar="N"
+    ),
+    dask: str | None = option(
+        "Run on a dask.distributed cluster: tcp://HOST:PORT.", metavar="ADDRESS"
+    ),
+) -> Place:
+    """Where a run takes place, to be called for a context of its keyword arguments."""
+    where = {"threads": threads, "workers": workers, "dask": dask}
+    given = [name for name, value in where.items() if value]
+    if len(given) > 1:
+        raise OptionError(f"--{given[0]} and --{given[1]} exclude each other")
+    return functools.partial(run_place, engine, threads, workers, dask)
+
+
+place_options: Any = _placed
 
 
 @command("sweep")
-@arm_options
-@sweep_options()
-@click.option("--no-keep", is_flag=True, help="Leave the curves out.  [default: kept up to 64 MiB]")
-@click.option(
-    "--chunk", type=click.IntRange(min=1), metavar="N", help="Jacobians of a chunk, more or less."
-)
-@place_options
-@deg_option
-@output_option(json_target=".json", npz=".npz", folder="/")
-@fail_option
 def sweep_command(
-    arm: Arm,
-    chosen: dict[str, Any],
-    geometry: str,
-    deg: bool,
-    npz: Path | None,
-    folder: Path | None,
-    no_keep: bool,
-    chunk: int | None,
-    place: Place,
-    json_target: str | Path | None,
-    fail_if_singular: bool,
+    request: RobotRequest = arm_options,
+    sweep: Callable[[Arm], dict[str, Any]] = sweep_options,
+    no_keep: bool = option("Leave the curves out.  [default: kept up to 64 MiB]"),
+    chunk: int | None = option(
+        "Jacobians of a chunk, more or less.", type=click.IntRange(min=1), metavar="N"
+    ),
+    place: Place = place_options,
+    deg: bool = deg_option,
+    json_target: str | Path | None = written(".json"),
+    npz: Path | None = written(".npz"),
+    folder: Path | None = written("/"),
+    fail_if_singular: bool = fail_option,
 ) -> int:
     """Sweep the joints of ROBOT level by level (joint-angle parameterization method).
 
@@ -257,11 +235,10 @@ def sweep_command(
         sweep_text,
     )
 
-    tests = (
-        robot.nominal(arm, angle_tol=RAW_ANGLE_TOL).arm
-        if geometry == "raw"
-        else robot.nominal(arm).arm
-    )
+    arm = request.load()
+    chosen = sweep(arm)
+    geometry = chosen.pop("geometry")
+    tests = robot.nominal(arm, **({"angle_tol": RAW_ANGLE_TOL} if geometry == "raw" else {})).arm
     swept = tests if geometry == "nominal" else arm
     plan = plan_sweep(swept, **chosen, geometry=tests)
     say(f"{plan.n_curves} curves, {plan.n_jacobians} Jacobians")
@@ -276,9 +253,9 @@ def sweep_command(
             result = run_sweep(
                 swept, plan, progress, keep=keep, chunk=chunk, out=folder, tell=say, **where
             )
-            written = None if npz is None else save_npz(result, npz)
-        if written is not None:
-            say(f"wrote {written}")
+            file = None if npz is None else save_npz(result, npz)
+        if file is not None:
+            say(f"wrote {file}")
         if folder is not None and result.complete:
             say(f"wrote {folder / CURVES}")
         findings = sampling.singular_configurations(swept, result, geometry=tests)
@@ -300,43 +277,36 @@ def sweep_command(
     return int(fail_if_singular and met)
 
 
-@command("analyze")
-@loops_option(analyze_loops)
-@joints_option
-@arm_options
-@sweep_options(quiet=True)
-@algebra_options
-@click.option(
-    "--random-starts",
-    type=click.IntRange(min=0),
-    metavar="N",
-    help="Random starts refined as an independent check.  [default: 300]",
-)
-@deg_option
-@json_option
-@fail_option
+@command("analyze", mechanism=analyze_loops)
 def analyze_command(
-    arm: Arm,
-    chosen: dict[str, Any],
-    algebra: dict[str, Any],
-    geometry: str,
-    random_starts: int | None,
-    deg: bool,
-    json_target: str | Path | None,
-    fail_if_singular: bool,
+    all_joints: bool = option("With --loops: values of all joints in each mode."),
+    request: RobotRequest = arm_options,
+    sweep: Callable[[Arm], dict[str, Any]] = sweep_options,
+    algebra: dict[str, Any] = algebra_options,
+    random_starts: int | None = option(
+        "Random starts refined as an independent check.  [default: 300]",
+        type=click.IntRange(min=0),
+        metavar="N",
+    ),
+    deg: bool = deg_option,
+    json_target: str | Path | None = json_option,
+    fail_if_singular: bool = fail_option,
 ) -> int:
     """Find all singular configurations of ROBOT: closed forms and sweep, checking each other.
 
     With --fail-if-singular, exits with 1 if any is within the joint limits.
     """
-    if random_starts is not None:
-        chosen["random_starts"] = random_starts
+    OptionError.refuse_if(
+        all_joints, "--all-joints goes with --loops: a serial arm has no modes to list"
+    )
+    arm = request.load(quiet=True)  # the result repeats the notes
+    chosen = sweep(arm) | algebra | chosen_for(arm, random_starts=random_starts)
     with run_progress() as progress:
-        analysis = sampling.analyze(arm, geometry=geometry, progress=progress, **chosen, **algebra)
+        analysis = sampling.analyze(arm, progress=progress, **chosen)
     if not emit_json(analysis, json_target):
         from pinsing.sampling.analyze import analysis_text
 
-        emit(analysis_text(analysis, Page.of(), deg, click.get_current_context().obj.words))
+        emit(analysis_text(analysis, Page.of(), deg, request.words))
     for problem in analysis.problems:
         say(f"WARNING: {problem}")
     if analysis.missing or not analysis.sweep_complete:
@@ -357,75 +327,49 @@ def _steps(text: str, option: str, degrees: bool | None) -> Any:
     return lambda arm: dict(zip(joint_names(arm, found), found.values(), strict=True))
 
 
-@command("map")
-@loops_option(map_loops)
-@arm_options
-@click.option(
-    "--sampling",
-    default="sobol",
-    show_default=True,
-    metavar="NAME",
-    shell_complete=completion.choices("sobol", "random", "grid"),
-    help="sobol, random or grid.",
-)
-@click.option(
-    "--measure",
-    type=click.Choice(("sigma", "clearance")),
-    default="sigma",
-    show_default=True,
-    help="clearance: bounds of the distance to the nearest family too.",
-)
-@click.option("--count", type=WHOLE, help="Configurations, such as 1e8.  [default: 2**20]")
-@click.option("--steps", type=Typed("N|A=N,...", _steps), help="Values of each joint in a grid.")
-@click.option(
-    "--map-joints",
-    type=NAMES,
-    shell_complete=completion.joints,
-    help="Joints to map.  [default: all that matter]",
-)
-@click.option(
-    "--range",
-    "ranges",
-    type=at_joint("JOINT=LOW,HIGH", 2),
-    multiple=True,
-    shell_complete=completion.joint_value,
-    help="Range of a joint instead of its limits; repeatable.",
-)
-@click.option("--q", "q", type=VECTOR, help="Where joints that are not mapped stay.")
-@click.option("--ignore-limits", is_flag=True, help="Ignore joint limits.")
-@click.option(
-    "--worst",
-    type=click.IntRange(min=1),
-    metavar="K",
-    help="How many of the smallest ratios to keep.",
-)
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
-@click.option("--keep-values", is_flag=True, help="Keep all singular values in -o FOLDER too.")
-@click.option("--chunk", type=WHOLE, help="Configurations in a chunk.")
-@place_options
-@deg_option
-@output_option(json_target=".json", out="/")
-@fail_option
-@over_option
+@command("map", mechanism=map_loops)
 def map_command(
-    request: RobotRequest,
-    sampling: str,
-    measure: str,
-    count: int | None,
-    steps: Any,
-    map_joints: tuple[str, ...] | None,
-    ranges: tuple[Callable[[Arm], Any], ...],
-    q: JointValues | None,
-    ignore_limits: bool,
-    worst: int | None,
-    seed: int,
-    out: Path | None,
-    keep_values: bool,
-    chunk: int | None,
-    place: Place,
-    deg: bool,
-    json_target: str | Path | None,
-    fail_if_singular: bool,
+    request: RobotRequest = arm_options,
+    sampling: str = option(
+        "sobol, random or grid.",
+        default="sobol",
+        metavar="NAME",
+        shell_complete=completion.choices("sobol", "random", "grid"),
+    ),
+    measure: str = option(
+        "clearance: bounds of the distance to the nearest family too.",
+        type=click.Choice(("sigma", "clearance")),
+        default="sigma",
+    ),
+    count: int | None = option("Configurations, such as 1e8.  [default: 2**20]", type=WHOLE),
+    steps: Any = option("Values of each joint in a grid.", type=Typed("N|A=N,...", _steps)),
+    map_joints: tuple[str, ...] | None = option(
+        "Joints to map.  [default: all that matter]", type=NAMES, shell_complete=completion.joints
+    ),
+    ranges: tuple[Callable[[Arm], Any], ...] = option(
+        "Range of a joint instead of its limits; repeatable.",
+        "--range",
+        type=at_joint("JOINT=LOW,HIGH", 2),
+        multiple=True,
+        shell_complete=completion.joint_value,
+    ),
+    q: JointValues | None = option("Where joints that are not mapped stay.", type=VECTOR),
+    ignore_limits: bool = ignore_limits_option,
+    worst: int | None = option(
+        "How many of the smallest ratios to keep.", type=click.IntRange(min=1), metavar="K"
+    ),
+    seed: int = seed_option,
+    keep_values: bool = option("Keep all singular values in -o FOLDER too."),
+    chunk: int | None = option("Configurations in a chunk.", type=WHOLE),
+    place: Place = place_options,
+    deg: bool = deg_option,
+    json_target: str | Path | None = written(".json"),
+    out: Path | None = written("/"),
+    fail_if_singular: bool = fail_option,
+    over: str | None = option(
+        "With --loops: what is drawn at random.  [default: inputs]",
+        type=click.Choice(("inputs", "poses")),
+    ),
 ) -> int:
     """Compute how sigma_r of ROBOT is distributed over its joints, and where it is smallest.
 
@@ -435,6 +379,7 @@ def map_command(
     mechanism, at inputs or poses of its output drawn at random (--count, --seed, --worst,
     --ignore-limits).
     """
+    OptionError.refuse_if(over, "--over goes with --loops: an arm is mapped over its joints")
     OptionError.refuse_if(
         keep_values and out is None, "--keep-values needs a folder to keep them in: give -o FOLDER"
     )
@@ -472,49 +417,33 @@ def map_command(
     return int(fail_if_singular and result.singular > 0)
 
 
-@command("families")
-@loops_option(families_loops)
-@arm_options
-@verbose_option
-@click.option("--latex", is_flag=True, help="Equations as LaTeX.")
-@click.option(
-    "--exact", is_flag=True, help="Exact coefficients, up to a factor. (The JSON always has them.)"
-)
-@click.option(
-    "--symbolic",
-    is_flag=False,
-    flag_value="all",
-    metavar="[A2,D4,...]",
-    help="Keep lengths as symbols: those named, or all that are not zero. Of a DH table they are "
-    "a1, d1, a2, ..., and twists alpha1, ... can be named, too; else they are named after the "
-    "joints.",
-)
-@algebra_options
-@prove_option
-@click.option(
-    "--family",
-    "chosen",
-    multiple=True,
-    metavar="NAME",
-    help="With -o FILE.sing: only this family; repeatable.",
-)
-@deg_option
-@output_option(json_target=".json", certificate=".cert.json", system=".sing .ms .mpl .sage")
-@fail_option
+@command("families", mechanism=families_loops)
 def families_command(
-    request: RobotRequest,
-    verbose: bool,
-    latex: bool,
-    exact: bool,
-    symbolic: str | None,
-    deg: bool,
-    algebra: dict[str, Any],
-    prove: Prove,
-    certificate: Path | None,
-    system: Path | None,
-    chosen: tuple[str, ...],
-    json_target: str | Path | None,
-    fail_if_singular: bool,
+    request: RobotRequest = arm_options,
+    verbose: bool = verbose_option,
+    latex: bool = option("Equations as LaTeX."),
+    exact: bool = option("Exact coefficients, up to a factor. (The JSON always has them.)"),
+    symbolic: str | None = option(
+        "Keep lengths as symbols: those named, or all that are not zero. Of a DH table they are "
+        "a1, d1, a2, ..., and twists alpha1, ... can be named, too; else they are named after the "
+        "joints.",
+        is_flag=False,
+        flag_value="all",
+        metavar="[A2,D4,...]",
+    ),
+    algebra: dict[str, Any] = algebra_options,
+    prove: Prove = prove_option,
+    chosen: tuple[str, ...] = option(
+        "With -o FILE.sing: only this family; repeatable.",
+        "--family",
+        multiple=True,
+        metavar="NAME",
+    ),
+    deg: bool = deg_option,
+    json_target: str | Path | None = written(".json"),
+    certificate: Path | None = written(".cert.json"),
+    system: Path | None = written(".sing .ms .mpl .sage"),
+    fail_if_singular: bool = fail_option,
 ) -> int:
     """Find every family of singular configurations of ROBOT, as equations.
 
@@ -543,7 +472,10 @@ def families_command(
             certificate is not None or prove is True or system is not None,
             "--symbolic has no --prove, certificate or file of equations: they need numbers",
         )
-        return _symbolic(request, symbolic, latex, algebra, json_target, fail_if_singular)
+        bare = families.closed_form(request.load(), symbols=symbolic, **algebra)
+        if json_target is None or not emit_json(bare, json_target):
+            emit("\n".join(f.latex for f in bare.families) if latex else str(bare))
+        return int(fail_if_singular and bool(bare.families))
     arm = request.load()
     from pinsing.families.certificate import LONG, text_of
     from pinsing.families.form import answer_text, certainty, families_text
@@ -580,48 +512,26 @@ def families_command(
             raise OptionError(f"no certificate to write: {reason}")
         put(text_of(found.certificate) + "\n", certificate)
     if system is not None:
-        _write_system(found, chosen, system)
+        from pinsing.families.system import language_of, system_text
+
+        language = language_of(system)
+        text, remarks = system_text(found, language, chosen or None)
+        if language == "msolve":  # whose files have no comments
+            for line in remarks:
+                say(line.strip())
+        put(text, system)
     return int(fail_if_singular and any(f.is_reachable for f in found.families))
 
 
-def _symbolic(
-    request: RobotRequest,
-    symbols: str,
-    latex: bool,
-    algebra: dict[str, Any],
-    json_target: str | Path | None,
-    fail_if_singular: bool,
-) -> int:
-    """Families with lengths as symbols."""
-    found = families.closed_form(request.load(), symbols=symbols, **algebra)
-    if json_target is None or not emit_json(found, json_target):
-        emit("\n".join(f.latex for f in found.families) if latex else str(found))
-    return int(fail_if_singular and bool(found.families))
-
-
-def _write_system(form: families.ClosedForm, chosen: tuple[str, ...], path: Path) -> None:
-    from pinsing.families.system import language_of, system_text
-
-    language = language_of(path)
-    text, remarks = system_text(form, language, chosen or None)
-    if language == "msolve":  # whose files have no comments
-        for line in remarks:
-            say(line.strip())
-    put(text, path)
-
-
 @command("verify")
-@click.argument(
-    "files", metavar="FILE.cert.json...", nargs=-1, required=True, type=click.Path(path_type=Path)
-)
-@click.option(
-    "--seconds",
-    type=click.FloatRange(min=0, min_open=True),
-    default=60.0,
-    show_default=True,
-    help="Time for each file.",
-)
-def verify_command(files: tuple[Path, ...], seconds: float) -> int:
+def verify_command(
+    files: tuple[Path, ...] = argument(
+        metavar="FILE.cert.json...", nargs=-1, required=True, type=click.Path(path_type=Path)
+    ),
+    seconds: float = option(
+        "Time for each file.", type=click.FloatRange(min=0, min_open=True), default=60.0
+    ),
+) -> int:
     """Check certificates that `pinsing families ROBOT -o FILE.cert.json` wrote.
 
     Exits with 0 if the checker accepts all of them, with 1 if it rejects one or is not done in
@@ -658,27 +568,18 @@ def _verified(file: Path, seconds: float) -> tuple[bool, str]:
     return True, f"proven ({len(text) / 1e3:.1f} kB, checked in {took:.0f} ms): {statement(data)}"
 
 
-@command("export")
-@arm_options
-@click.option(
-    "--family", "only", multiple=True, metavar="NAME", help="Only this family; repeatable."
-)
-@click.option(
-    "--prefix", metavar="NAME", help="What names in C begin with.  [default: the robot's name]"
-)
-@click.option("--seconds", type=float, metavar="S", help="Time for the closed form.  [default: 10]")
-@zones_option
-@prove_option
-@output_option(required=True, c=".h .c", python=".py")
+@command("export", needs_output=True)
 def export_command(
-    request: RobotRequest,
-    c: str | Path | None,
-    python: str | Path | None,
-    only: tuple[str, ...],
-    prefix: str | None,
-    seconds: float | None,
-    zones: proximity.Zones | None,
-    prove: Prove,
+    request: RobotRequest = arm_options,
+    only: tuple[str, ...] = only_option,
+    prefix: str | None = option(
+        "What names in C begin with.  [default: the robot's name]", metavar="NAME"
+    ),
+    seconds: float | None = option("Time for the closed form.  [default: 10]", metavar="S"),
+    zones: proximity.Zones | None = zones_option,
+    prove: Prove = prove_option,
+    c: str | Path | None = written(".h .c"),
+    python: str | Path | None = written(".py"),
 ) -> None:
     """Write the singular families of ROBOT as one file without dependencies.
 

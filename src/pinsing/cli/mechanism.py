@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
-
-import click
+from typing import TYPE_CHECKING, Any
 
 from pinsing.cli import STOPPED
-from pinsing.cli.options import JointValues, in_degrees, loops_at_hand, loops_beside
-from pinsing.cli.output import emit, emit_json, emit_lines, say, show_page
+from pinsing.cli.options import CHAIN, JointValues, given_beside, in_degrees, loops_at_hand
+from pinsing.cli.output import emit, emit_json, emit_lines, read_result, say, show_page
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.prose import Page
 
@@ -40,79 +37,6 @@ _ARM_ANALYSIS: dict[str, Any] = {
 }  # fmt: skip
 """Options of ``analyze`` that arms alone have, and what they are if not given."""
 
-_ARM_CHAIN: dict[str, Any] = {
-    "tip": None, "base": None, "joints": None, "tool_axis": None, "zones": None, "design": None,
-    "calibration": None, "task": "pose",
-}  # fmt: skip
-"""Options that choose a serial chain or its task, and what they are if not given."""
-
-F = TypeVar("F", bound=Callable[..., Any])
-Run = Callable[..., Any]
-
-
-def loops_option(run: Run) -> Callable[[F], F]:
-    """Add ``--loops FILE.yaml`` to a command of an arm; with it, ``run`` is called instead."""
-    # Put above ``arm_options``: ``run`` gets the file and all options as they were typed.
-
-    def decorate(command: F) -> F:
-        @click.option(
-            "--loops",
-            type=click.Path(dir_okay=False, path_type=Path),
-            is_flag=False,
-            flag_value="",  # --loops alone
-            metavar="FILE.yaml",
-            help="Closed loops of a mechanism; ROBOT is its spanning tree.  [default: the file "
-            "NAME.loops.yaml beside it, if there is one]",
-        )
-        @click.option("--no-loops", is_flag=True, help="Take a serial chain of a mechanism.")
-        @functools.wraps(command)
-        def wrapper(
-            *args: Any, loops: Path | None = None, no_loops: bool = False, **options: Any
-        ) -> Any:
-            robot = str(options["robot"])
-            if loops == Path():
-                loops = loops_beside(robot)
-            elif loops is None and not no_loops and not _given(options, _ARM_CHAIN):
-                loops = loops_at_hand(robot)
-                if loops is not None:
-                    say(f"note: closed loops are those of {loops}; --no-loops takes a serial chain")
-            return command(*args, **options) if loops is None else run(loops, **options)
-
-        return wrapper  # type: ignore[return-value]
-
-    return decorate
-
-
-def _only_loops(name: str, why: str, **attributes: Any) -> Callable[[F], F]:
-    """Add an option that only mechanisms have; of an arm it is refused."""
-    option = f"--{name.replace('_', '-')}"
-
-    def decorate(command: F) -> F:
-        @click.option(option, **attributes)
-        @functools.wraps(command)
-        def wrapper(*args: Any, **options: Any) -> Any:
-            OptionError.refuse_if(options.pop(name, None), f"{option} goes with --loops: {why}")
-            return command(*args, **options)
-
-        return wrapper  # type: ignore[return-value]
-
-    return decorate
-
-
-joints_option = _only_loops(
-    "all_joints", "a serial arm has no modes to list", is_flag=True,
-    help="With --loops: values of all joints in each mode.",
-)  # fmt: skip
-over_option = _only_loops(
-    "over", "an arm is mapped over its joints", type=click.Choice(("inputs", "poses")),
-    help="With --loops: what is drawn at random.  [default: inputs]",
-)  # fmt: skip
-
-
-def _given(options: dict[str, Any], usual: dict[str, Any]) -> list[str]:
-    """The options that are not as they are if not given, as they are typed."""
-    return [f"--{name.replace('_', '-')}" for name, x in usual.items() if options.get(name, x) != x]
-
 
 def map_loops(
     loops: Path,
@@ -129,7 +53,7 @@ def map_loops(
     """``map --loops``: how near to singular a mechanism is, over inputs or poses."""
     from pinsing.loops.map import map_text, mechanism_map
 
-    if given := _given(options, _ARM_MAPS):
+    if given := given_beside(options, _ARM_MAPS):
         name = given[0].replace("ranges", "range")
         raise OptionError(
             f"{name} does not go with --loops: a mechanism is mapped at random inputs or poses"
@@ -160,7 +84,7 @@ def analyze_loops(
     from pinsing.loops import analyze_mechanism
     from pinsing.loops.analysis import analysis_answer, analysis_text
 
-    if given := _given(options, _ARM_ANALYSIS):
+    if given := given_beside(options, _ARM_ANALYSIS):
         raise OptionError(
             f"{given[0]} does not go with --loops: a mechanism has no sweep of joints by level, "
             "and its lengths and angles are taken as they are written"
@@ -335,14 +259,9 @@ def view_loops(
 
 def _saved(path: Path, mechanism: Mechanism) -> MechanismAnalysis:
     """Return what ``analyze --loops -o FILE.json`` wrote, of the same mechanism."""
-    from pinsing.cli.output import read_json
     from pinsing.loops import MechanismAnalysis
 
-    data = read_json(path)
-    try:
-        saved = MechanismAnalysis.from_dict(data)
-    except ResultError as error:
-        raise ResultError(f"{path}: {error}") from None
+    saved: MechanismAnalysis = read_result(path, MechanismAnalysis)
     ResultError.refuse_if(
         saved.joints != mechanism.joints or saved.inputs != mechanism.inputs,
         f"{path} is of {saved.name} with joints {', '.join(saved.joints)} driven by "
@@ -356,7 +275,7 @@ def read(loops: Path, options: dict[str, Any]) -> Mechanism:
     from pinsing.robot.mechanism import load_mechanism
 
     OptionError.refuse_if(
-        wrong := _given(options, _ARM_CHAIN),
+        wrong := given_beside(options, CHAIN),
         f"{' and '.join(wrong)} does not go with --loops: the loop file names the output, "
         "its rows and the actuated joints",
     )

@@ -32,6 +32,7 @@ from pinsing.cli.options import (
     JointValues,
     RobotRequest,
     Typed,
+    argument,
     arm_options,
     chosen_for,
     command,
@@ -39,22 +40,25 @@ from pinsing.cli.options import (
     doubt_degrees,
     fail_option,
     follow_option,
+    ignore_limits_option,
     in_degrees,
     joint_names,
     joint_speeds_option,
     joint_values,
     json_option,
     loops_at_hand,
-    output_option,
+    only_option,
+    option,
     parse_numbers,
-    tip_speed_options,
+    tip_speed_option,
     told_degrees,
+    turn_speed_option,
     typed_speeds,
+    written,
     zones_option,
 )
 from pinsing.cli.output import (
     STDOUT,
-    F,
     doing,
     emit,
     emit_json,
@@ -87,34 +91,25 @@ def _tell(found: Any, json_target: str | Path | None, deg: bool) -> None:
 
 
 @command("zones")
-@arm_options
-@tip_speed_options
-@joint_speeds_option
-@click.option(
-    "--within",
-    multiple=True,
-    metavar="limits|POSTURE|RANGE",
-    help="Only within limits, in a posture (elbow up), or with a joint or the tip's x, y, z in a "
-    "range (q3=A..B, z=A..B); repeatable.",
-)
-@click.option(
-    "--boxes",
-    type=click.IntRange(min=1),
-    metavar="N",
-    help="Work: with more, smaller distances are proven.  [default: 1500000, 4 s of a UR5, "
-    "less with --within]",
-)
-@deg_option
-@json_option
 def zones_command(
-    request: RobotRequest,
-    tip_speed: float,
-    turn_speed: float,
-    joint_speeds: str | None,
-    within: tuple[str, ...],
-    boxes: int | None,
-    deg: bool,
-    json_target: str | Path | None,
+    request: RobotRequest = arm_options,
+    tip_speed: float = tip_speed_option,
+    turn_speed: float = turn_speed_option,
+    joint_speeds: str | None = joint_speeds_option,
+    within: tuple[str, ...] = option(
+        "Only within limits, in a posture (elbow up), or with a joint or the tip's x, y, z in a "
+        "range (q3=A..B, z=A..B); repeatable.",
+        multiple=True,
+        metavar="limits|POSTURE|RANGE",
+    ),
+    boxes: int | None = option(
+        "Work: with more, smaller distances are proven.  [default: 1500000, 4 s of a UR5, "
+        "less with --within]",
+        type=click.IntRange(min=1),
+        metavar="N",
+    ),
+    deg: bool = deg_option,
+    json_target: str | Path | None = json_option,
 ) -> None:
     """Find how far to stay from singularities so that tip speeds keep the joint speed limits.
 
@@ -183,12 +178,14 @@ def _columns(text: str, option: str, degrees: bool | None) -> tuple[str, ...]:
     return tuple(word.strip() for word in text.split(","))
 
 
-def file_options(command: F) -> F:
-    """Add how FILE, a trajectory, is read: see `read_samples`."""
-    told = "Of the angles in FILE; by default as its head says, else of --deg or --rad."
-    columns = "Columns of the joints, base to tip, by name or number from 1, and t=NAME for times."
-    command = click.option("--columns", type=Typed("A,B,...", _columns), help=columns)(command)
-    return click.option("--units", type=click.Choice(["rad", "deg"]), help=told)(command)
+units_option = option(
+    "Of the angles in FILE; by default as its head says, else of --deg or --rad.",
+    type=click.Choice(["rad", "deg"]),
+)
+columns_option = option(
+    "Columns of the joints, base to tip, by name or number from 1, and t=NAME for times.",
+    type=Typed("A,B,...", _columns),
+)
 
 
 def _in_degrees(units: str | None) -> bool | None:
@@ -209,51 +206,29 @@ def read_samples(
 
 
 @command("check")
-@arm_options
-@click.argument("file", required=False, type=click.Path(path_type=Path, allow_dash=True))
-@follow_option("Print a verdict for each line of STREAM as it comes, as JSON")
-@deg_option
-@file_options
-@click.option(
-    "--near",
-    default="5deg",
-    show_default=True,
-    type=ANGLE,
-    help="Report segments closer than this.",
-)
-@click.option(
-    "--fail-within",
-    type=ANGLE,
-    help="Exit with code 1 unless it is proven to stay farther away than this.",
-)
-@click.option(
-    "--family", "only", multiple=True, metavar="NAME", help="Only this family; repeatable."
-)
-@tip_speed_options
-@joint_speeds_option
-@zones_option
-@click.option("--view", "live", is_flag=True, help="Show the path in a browser, by clearance.")
-@click.option("--no-open", is_flag=True, help="With --view: do not open a browser.")
-@output_option(json_target=".json", html=".html", plot=".png .svg .pdf")
 def check_command(
-    request: RobotRequest,
-    file: Path | None,
-    follow: Path | None,
-    deg: bool,
-    units: str | None,
-    columns: tuple[str, ...] | None,
-    near: float,
-    fail_within: float | None,
-    only: tuple[str, ...],
-    tip_speed: float,
-    turn_speed: float,
-    joint_speeds: str | None,
-    zones: proximity.Zones | None,
-    plot: Path | None,
-    live: bool,
-    html: Path | None,
-    no_open: bool,
-    json_target: str | Path | None,
+    request: RobotRequest = arm_options,
+    file: Path | None = argument(required=False, type=click.Path(path_type=Path, allow_dash=True)),
+    follow: Path | None = follow_option(
+        "Print a verdict for each line of STREAM as it comes, as JSON"
+    ),
+    deg: bool = deg_option,
+    units: str | None = units_option,
+    columns: tuple[str, ...] | None = columns_option,
+    near: float = option("Report segments closer than this.", default="5deg", type=ANGLE),
+    fail_within: float | None = option(
+        "Exit with code 1 unless it is proven to stay farther away than this.", type=ANGLE
+    ),
+    only: tuple[str, ...] = only_option,
+    tip_speed: float = tip_speed_option,
+    turn_speed: float = turn_speed_option,
+    joint_speeds: str | None = joint_speeds_option,
+    zones: proximity.Zones | None = zones_option,
+    live: bool = option("Show the path in a browser, by clearance.", "--view"),
+    no_open: bool = option("With --view: do not open a browser."),
+    json_target: str | Path | None = written(".json"),
+    html: Path | None = written(".html"),
+    plot: Path | None = written(".png .svg .pdf"),
 ) -> int:
     """Check the trajectory in FILE: which singularities it meets, when, and how near it comes.
 
@@ -400,56 +375,35 @@ def _ended_at_once() -> Iterator[None]:
 
 
 @command("at")
-@arm_options
-@click.option(
-    "--q",
-    "q",
-    required=True,
-    type=VECTOR,
-    help="Joint values, base to tip: radians (pi/2 is understood) and metres.",
-)
-@click.option(
-    "--nominal/--raw",
-    "use_nominal",
-    help="The nominal geometry (the design if there is one, else without rounding), or the numbers "
-    "of the file.  [default: raw]",
-)
-@click.option(
-    "--rtol",
-    type=float,
-    metavar="RATIO",
-    help="Singular if sigma_r/sigma_1 is at or below this.  [default: 1e-9]",
-)
-@click.option(
-    "--near-rtol",
-    type=float,
-    metavar="RATIO",
-    help="Near-singular at or below this.  [default: 0.01]",
-)
-@click.option(
-    "--distances/--no-distances",
-    "far",
-    default=True,
-    help="Measure the distance to every family of singular configurations.",
-)
-@tip_speed_options
-@joint_speeds_option
-@deg_option
-@json_option
-@fail_option
 def at_command(
-    request: RobotRequest,
-    q: JointValues,
-    use_nominal: bool,
-    rtol: float | None,
-    near_rtol: float | None,
-    far: bool,
-    tip_speed: float,
-    turn_speed: float,
-    joint_speeds: str | None,
-    deg: bool,
-    json_target: str | Path | None,
-    fail_if_singular: bool,
+    request: RobotRequest = arm_options,
+    q: JointValues = option(
+        "Joint values, base to tip: radians (pi/2 is understood) and metres.",
+        required=True,
+        type=VECTOR,
+    ),
+    use_nominal: bool = option(
+        "The nominal geometry (the design if there is one, else without rounding), or the numbers "
+        "of the file.  [default: raw]",
+        "--nominal/--raw",
+    ),
+    rtol: float | None = option(
+        "Singular if sigma_r/sigma_1 is at or below this.  [default: 1e-9]", metavar="RATIO"
+    ),
+    near_rtol: float | None = option(
+        "Near-singular at or below this.  [default: 0.01]", metavar="RATIO"
+    ),
+    far: bool = option(
+        "Measure the distance to every family of singular configurations.",
+        "--distances/--no-distances",
+        default=True,
+    ),
+    tip_speed: float = tip_speed_option,
+    turn_speed: float = turn_speed_option,
+    joint_speeds: str | None = joint_speeds_option,
+    deg: bool = deg_option,
+    json_target: str | Path | None = json_option,
+    fail_if_singular: bool = fail_option,
 ) -> int:
     """Analyze one configuration of ROBOT.
 
@@ -608,34 +562,21 @@ def _distances(arm: Arm, q: Array) -> tuple[families.ClosedForm, Distances] | No
 
 
 @command("suggest")
-@arm_options
-@click.option(
-    "--near",
-    "--q",
-    type=VECTOR,
-    help="A configuration that it should be near: radians (or --deg) and metres.",
-)
-@click.option(
-    "--reach",
-    type=ANGLE,
-    help="How far from --near it may be, such as 30deg.  [default: 0.5rad]",
-)
-@click.option(
-    "--family", "only", multiple=True, metavar="NAME", help="Only this family; repeatable."
-)
-@click.option(
-    "--seed", type=int, default=0, show_default=True, metavar="N", help="Of the search's starts."
-)
-@deg_option
-@json_option
 def suggest_command(
-    request: RobotRequest,
-    near: JointValues | None,
-    reach: float | None,
-    only: tuple[str, ...],
-    seed: int,
-    deg: bool,
-    json_target: str | Path | None,
+    request: RobotRequest = arm_options,
+    near: JointValues | None = option(
+        "A configuration that it should be near: radians (or --deg) and metres.",
+        "--near",
+        "--q",
+        type=VECTOR,
+    ),
+    reach: float | None = option(
+        "How far from --near it may be, such as 30deg.  [default: 0.5rad]", type=ANGLE
+    ),
+    only: tuple[str, ...] = only_option,
+    seed: int = option("Of the search's starts.", default=0, metavar="N"),
+    deg: bool = deg_option,
+    json_target: str | Path | None = json_option,
 ) -> None:
     """Suggest a configuration of ROBOT within its limits with a large, proven clearance.
 
@@ -652,16 +593,12 @@ def suggest_command(
     _tell(found, json_target, deg)
 
 
-_ignore_limits = click.option("--ignore-limits", is_flag=True, help="Ignore joint limits.")
-
-
 @command("aspects")
-@arm_options
-@_ignore_limits
-@deg_option
-@json_option
 def aspects_command(
-    request: RobotRequest, ignore_limits: bool, deg: bool, json_target: str | Path | None
+    request: RobotRequest = arm_options,
+    ignore_limits: bool = ignore_limits_option,
+    deg: bool = deg_option,
+    json_target: str | Path | None = json_option,
 ) -> None:
     """Count the aspects of ROBOT (singularity-free regions of joint space).
 
@@ -677,28 +614,19 @@ def aspects_command(
 
 
 @command("postures")
-@arm_options
-@click.option(
-    "--q",
-    "q",
-    required=True,
-    type=VECTOR,
-    help="A configuration: joint values, base to tip, radians (or --deg) and metres.",
-)
-@_ignore_limits
-@click.option("--view", "live", is_flag=True, help="Show them in a browser.")
-@click.option("--no-open", is_flag=True, help="With --view: do not open a browser.")
-@deg_option
-@output_option(json_target=".json", html=".html")
 def postures_command(
-    request: RobotRequest,
-    q: JointValues,
-    ignore_limits: bool,
-    live: bool,
-    html: Path | None,
-    no_open: bool,
-    deg: bool,
-    json_target: str | Path | None,
+    request: RobotRequest = arm_options,
+    q: JointValues = option(
+        "A configuration: joint values, base to tip, radians (or --deg) and metres.",
+        required=True,
+        type=VECTOR,
+    ),
+    ignore_limits: bool = ignore_limits_option,
+    live: bool = option("Show them in a browser.", "--view"),
+    no_open: bool = option("With --view: do not open a browser."),
+    deg: bool = deg_option,
+    json_target: str | Path | None = written(".json"),
+    html: Path | None = written(".html"),
 ) -> None:
     """List the other inverse solutions of the pose of ROBOT at a configuration.
 
@@ -721,15 +649,12 @@ def postures_command(
 
 
 @command("cuspidal")
-@arm_options
-@click.option(
-    "--poses", type=int, default=60, show_default=True, metavar="N", help="Random poses to try."
-)
-@click.option("--seed", type=int, default=0, show_default=True, metavar="N", help="Of the poses.")
-@deg_option
-@json_option
 def cuspidal_command(
-    request: RobotRequest, poses: int, seed: int, deg: bool, json_target: str | Path | None
+    request: RobotRequest = arm_options,
+    poses: int = option("Random poses to try.", default=60, metavar="N"),
+    seed: int = option("Of the poses.", default=0, metavar="N"),
+    deg: bool = deg_option,
+    json_target: str | Path | None = json_option,
 ) -> None:
     """Test whether ROBOT is cuspidal: it can change posture without meeting a singularity.
 
@@ -802,65 +727,43 @@ def _start(text: str, option: str, degrees: bool | None) -> JointValues | str:
 
 
 @command("path")
-@arm_options
-@click.argument("poses", type=click.Path(path_type=Path))
-@click.option(
-    "--free",
-    default="branch",
-    show_default=True,
-    metavar="roll|JOINT|branch",
-    help="What may be chosen: the rotation about the tool's z axis, a seventh joint, or only the "
-    "inverse kinematics branch.",
-)
-@click.option(
-    "--step",
-    default="1deg",
-    show_default=True,
-    type=Typed("ANGLE", angle, degrees=True),
-    help="Its grid.",
-)
-@click.option(
-    "--tool",
-    type=Typed("X,Y,Z[,R,P,Y]", _frame),
-    default="0,0,0",
-    help="Pose of the tool in the tip frame, metres.",
-)
-@click.option(
-    "--base-frame",
-    type=Typed("X,Y,Z[,R,P,Y]", _frame),
-    default="0,0,0",
-    help="Frame of the poses, in the base frame of the robot, metres.",
-)
-@click.option(
-    "--start",
-    type=Typed("Q1,Q2,...", _start),
-    help="Configuration at the first pose, or its posture: elbow up, wrist no-flip.",
-)
-@click.option(
-    "--place",
-    type=Typed("x=A..B,yaw=A..B", _ranges),
-    help="Move the workpiece for more clearance (searched), in ranges of x, y, z (metres along the "
-    "axes of the base) and roll, pitch, yaw (about them, through the middle of the path).",
-)
-@click.option("--feed", type=float, metavar="M/S", help="Tool speed: joint speed limits are kept.")
-@click.option("--mm", is_flag=True, help="x, y, z of the file are millimetres.")
-@deg_option
-@output_option(csv=".csv", json_target=".json", plot=".png .svg .pdf")
 def path_command(
-    request: RobotRequest,
-    poses: Path,
-    csv: str | Path | None,
-    free: str,
-    step: float,
-    tool: Array,
-    base_frame: Array,
-    start: JointValues | str | None,
-    place: dict[str, tuple[float, float]] | None,
-    feed: float | None,
-    mm: bool,
-    plot: Path | None,
-    deg: bool,
-    json_target: str | Path | None,
+    request: RobotRequest = arm_options,
+    poses: Path = argument(type=click.Path(path_type=Path)),
+    free: str = option(
+        "What may be chosen: the rotation about the tool's z axis, a seventh joint, or only the "
+        "inverse kinematics branch.",
+        default="branch",
+        metavar="roll|JOINT|branch",
+    ),
+    step: float = option("Its grid.", default="1deg", type=Typed("ANGLE", angle, degrees=True)),
+    tool: Array = option(
+        "Pose of the tool in the tip frame, metres.",
+        type=Typed("X,Y,Z[,R,P,Y]", _frame),
+        default="0,0,0",
+        show_default=False,
+    ),
+    base_frame: Array = option(
+        "Frame of the poses, in the base frame of the robot, metres.",
+        type=Typed("X,Y,Z[,R,P,Y]", _frame),
+        default="0,0,0",
+        show_default=False,
+    ),
+    start: JointValues | str | None = option(
+        "Configuration at the first pose, or its posture: elbow up, wrist no-flip.",
+        type=Typed("Q1,Q2,...", _start),
+    ),
+    place: dict[str, tuple[float, float]] | None = option(
+        "Move the workpiece for more clearance (searched), in ranges of x, y, z (metres along the "
+        "axes of the base) and roll, pitch, yaw (about them, through the middle of the path).",
+        type=Typed("x=A..B,yaw=A..B", _ranges),
+    ),
+    feed: float | None = option("Tool speed: joint speed limits are kept.", metavar="M/S"),
+    mm: bool = option("x, y, z of the file are millimetres."),
+    deg: bool = deg_option,
+    csv: str | Path | None = written(".csv"),
+    json_target: str | Path | None = written(".json"),
+    plot: Path | None = written(".png .svg .pdf"),
 ) -> int:
     """Find the joint path through POSES that stays farthest from singularities.
 
@@ -942,35 +845,23 @@ def _typed(T: Array, degrees: bool) -> str:
 
 
 @command("line")
-@arm_options
-@click.option(
-    "--q",
-    "q",
-    required=True,
-    type=VECTOR,
-    help="Where it starts: joint values, base to tip, radians (or --deg) and metres.",
-)
-@click.option(
-    "--to",
-    "target",
-    required=True,
-    type=Typed("X,Y,Z[,R,P,Y]", _pose),
-    help="Target of the tip in the base frame: metres; roll, pitch, yaw, or as it is.",
-)
-@click.option(
-    "--speed", type=float, default=0.25, show_default=True, metavar="M/S", help="Tip speed."
-)
-@deg_option
-@json_option
-@fail_option
 def line_command(
-    request: RobotRequest,
-    q: JointValues,
-    target: list[float],
-    speed: float,
-    deg: bool,
-    json_target: str | Path | None,
-    fail_if_singular: bool,
+    request: RobotRequest = arm_options,
+    q: JointValues = option(
+        "Where it starts: joint values, base to tip, radians (or --deg) and metres.",
+        required=True,
+        type=VECTOR,
+    ),
+    target: list[float] = option(
+        "Target of the tip in the base frame: metres; roll, pitch, yaw, or as it is.",
+        "--to",
+        required=True,
+        type=Typed("X,Y,Z[,R,P,Y]", _pose),
+    ),
+    speed: float = option("Tip speed.", default=0.25, metavar="M/S"),
+    deg: bool = deg_option,
+    json_target: str | Path | None = json_option,
+    fail_if_singular: bool = fail_option,
 ) -> int:
     """Follow a straight line of the tip: where it ends, what it meets, which speed is possible.
 

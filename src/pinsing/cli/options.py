@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import functools
+import inspect
 import itertools
 import math
 import re
 import shlex
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,8 +18,8 @@ from click.core import ParameterSource
 
 from pinsing.atomic_write import check_writable
 from pinsing.cli import completion
-from pinsing.cli.output import STDOUT, F, in_radians, read_json, say
-from pinsing.errors import ConfigurationError, OptionError, OutputError, PinsingError, ResultError
+from pinsing.cli.output import STDOUT, in_radians, read_result, say
+from pinsing.errors import ConfigurationError, OptionError, OutputError, PinsingError
 
 if TYPE_CHECKING:
     from pinsing.measures import Array
@@ -67,21 +68,186 @@ def _beside(file: Path) -> Path:
 _PI = re.compile(r"([+-]?)(?:(\d+(?:\.\d+)?)\s*\*?\s*)?pi(?:\s*/\s*(\d+(?:\.\d+)?))?")
 
 
+class Typed(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+    """What people type for an option, and ``read``, which makes a value of it.
+
+    ``read`` takes the text, the option, and what is said of angles: True for degrees, False for
+    radians, None where neither ``--deg`` nor ``--rad`` was typed; ``degrees`` says it instead.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        read: Callable[[str, str, bool | None], Any],
+        degrees: bool | None = None,
+    ) -> None:
+        self.name, self.read, self.degrees = name, read, degrees
+
+    def get_metavar(self, *_: Any, **__: Any) -> str:
+        """The name as it is."""
+        return self.name
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Read a text; a default may be a value already."""
+        if not isinstance(value, str) or param is None or ctx is None:
+            return value
+        degrees = told_degrees(ctx) if self.degrees is None else self.degrees
+        return self.read(value, param.opts[0], degrees)
+
+
+def _pair(separator: str, example: str) -> Typed:
+    """``NAME=VALUE`` with some separator."""
+
+    def read(text: str, option: str, degrees: bool | None) -> tuple[str, str]:
+        name, found, rest = text.partition(separator)
+        if not found or not name.strip():
+            raise click.BadParameter(f"{text!r} is not of the form {example}")
+        return name.strip(), rest
+
+    return Typed(example, read)
+
+
+def _names(text: str, option: str, degrees: bool | None) -> tuple[str, ...]:
+    """Words between commas."""
+    names = tuple(word.strip() for word in text.split(",") if word.strip())
+    OptionError.refuse_if(not names, f"{option} names no joint")
+    return names
+
+
+NAMES = Typed("A,B,...", _names)
+"""Joints, by name or place: see `joint_names`."""
+
+
+def _dict(ctx: click.Context, param: click.Parameter, pairs: Any) -> dict[str, Any]:
+    return dict(pairs)
+
+
+_USUAL: dict[str, dict[str, Any]] = {
+    "bool": {"is_flag": True},
+    "float": {"type": float},
+    "int": {"type": int},
+}
+"""What the annotation of a parameter tells of its option."""
+
+
+@dataclass(frozen=True, eq=False)
+class Option:
+    """How a parameter of a command is typed: what it has for its default."""
+
+    flags: tuple[str, ...] | None  # of an argument none
+    attributes: dict[str, Any]
+
+    def made(self, name: str, annotation: str) -> click.Parameter:
+        """Return the option or argument of that name."""
+        if self.flags is None:
+            return click.Argument([name], **self.attributes)
+        plain = annotation.removesuffix(" | None")
+        flags = self.flags or (f"--{name.replace('_', '-')}",)
+        shown = self.attributes.get("default") is not None and plain != "bool"
+        usual = {"show_default": shown, **_USUAL.get(plain, {})}
+        return click.Option([*flags, name], **usual | self.attributes)
+
+
+def option(help: str | None = None, *flags: str, **attributes: Any) -> Any:
+    """Return the default of a parameter that is an option, ``--name`` but for other ``flags``.
+
+    The annotation tells flags and numbers; a default is shown. All else is as of `click.Option`.
+    """
+    return Option(flags, {"help": help, **attributes})
+
+
+def argument(**attributes: Any) -> Any:
+    """Return the default of a parameter that is an argument, as of `click.Argument`."""
+    return Option(None, attributes)
+
+
+def written(endings: str) -> Any:
+    """Return the default of a parameter that is the file of ``-o`` with one of these endings."""
+    return endings
+
+
+def _asked(function: Callable[..., Any], needs_output: bool) -> Iterator[click.Parameter]:
+    """What is typed for a function whose parameters have it for their defaults."""
+    # A default that is a function, or a class, makes one value of what is typed for it.
+    parameters = inspect.signature(function).parameters.values()
+    files = {p.name: p.default.split() for p in parameters if isinstance(p.default, str)}
+    for p in parameters:
+        if isinstance(p.default, Option):
+            yield p.default.made(p.name, p.annotation)
+        elif p.name not in files:
+            yield from _asked(p.default, needs_output)
+        elif p.name == next(iter(files)):
+            kinds = {ending: name for name, endings in files.items() for ending in endings}
+            yield _OutputOption(kinds, needs_output)
+
+
+def _called(function: Callable[..., Any], typed: Mapping[str, Any]) -> Any:
+    """What a function makes of what was typed for it."""
+    parameters = inspect.signature(function).parameters.items()
+    return function(
+        **{n: typed[n] if n in typed else _called(p.default, typed) for n, p in parameters}
+    )
+
+
 @dataclass(frozen=True)
 class RobotRequest:
-    """Which arm the user means: the options of the same names."""
+    """Which arm the user means."""
 
-    robot: str
-    tip: str | None
-    base: str | None
-    joints: tuple[str, ...] | None
-    task: str
-    length_scale: float
-    packages: dict[str, str]
-    xacro_args: dict[str, str]
-    tool_axis: str | None = None
-    design: str | None = None
-    calibration: str | None = None
+    robot: str = argument(shell_complete=completion.robots)
+    tip: str | None = option(
+        "Frame whose motion counts: the end effector.",
+        metavar="FRAME",
+        shell_complete=completion.frames,
+    )
+    base: str | None = option(
+        "Frame that the chain starts from.", metavar="FRAME", shell_complete=completion.frames
+    )
+    joints: tuple[str, ...] | None = option(
+        "Joints to keep free; the others are locked.", type=NAMES, shell_complete=completion.joints
+    )
+    task: str = option(
+        "pose, position, orientation, tool-axis, or rows such as vx,vy,wz or vx@tip,wy@tip.",
+        default="pose",
+        shell_complete=completion.tasks,
+    )
+    tool_axis: str | None = option(
+        "Axis of the tip that is free to rotate: task tool-axis (drilling, welding).  [default: z]",
+        type=click.Choice(["x", "y", "z"]),
+    )
+    length_scale: float = option(
+        "Translations are divided by it before singular values are taken.",
+        default=1.0,
+        metavar="METRES",
+    )
+    packages: dict[str, str] = option(
+        "Folder of a ROS package; repeatable.",
+        "--package",
+        type=_pair("=", "NAME=DIR"),
+        multiple=True,
+        callback=_dict,
+    )
+    xacro_args: dict[str, str] = option(
+        "Argument of a xacro file; repeatable.",
+        "--xacro-arg",
+        type=_pair(":=", "K:=V"),
+        multiple=True,
+        callback=_dict,
+    )
+    design: str | None = option(
+        "What ROBOT is an imperfect copy of: families are of the design, distances of ROBOT; "
+        "none: all is of the numbers of the file.",
+        metavar="auto|none|ROBOT",
+        shell_complete=completion.robots,
+    )
+    calibration: str | None = option(
+        "Calibration of a UR robot, as ur_calibration writes it; ROBOT is its design.",
+        metavar="FILE.yaml",
+    )
+
+    def __post_init__(self) -> None:
+        source = click.get_current_context().get_parameter_source
+        if self.tool_axis is not None and source("task") is ParameterSource.DEFAULT:
+            object.__setattr__(self, "task", "tool-axis")
 
     @property
     def words(self) -> str:
@@ -165,159 +331,14 @@ class RobotRequest:
         return arm
 
 
-def _same_file(path: Path, robot: str) -> bool:
-    try:
-        return path.exists() and path.samefile(robot)
-    except (OSError, ValueError):  # a name, not a file
-        return False
+arm_options: Any = RobotRequest
 
 
-class Typed(click.ParamType):  # type: ignore[type-arg,unused-ignore]
-    """What people type for an option, and ``read``, which makes a value of it.
-
-    ``read`` takes the text, the option, and what is said of angles: True for degrees, False for
-    radians, None where neither ``--deg`` nor ``--rad`` was typed; ``degrees`` says it instead.
-    """
-
-    def __init__(
-        self,
-        name: str,
-        read: Callable[[str, str, bool | None], Any],
-        degrees: bool | None = None,
-    ) -> None:
-        self.name, self.read, self.degrees = name, read, degrees
-
-    def get_metavar(self, *_: Any, **__: Any) -> str:
-        """The name as it is."""
-        return self.name
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Read a text; a default may be a value already."""
-        if not isinstance(value, str) or param is None or ctx is None:
-            return value
-        degrees = told_degrees(ctx) if self.degrees is None else self.degrees
-        return self.read(value, param.opts[0], degrees)
-
-
-def _pair(separator: str, example: str) -> Typed:
-    """``NAME=VALUE`` with some separator."""
-
-    def read(text: str, option: str, degrees: bool | None) -> tuple[str, str]:
-        name, found, rest = text.partition(separator)
-        if not found or not name.strip():
-            raise click.BadParameter(f"{text!r} is not of the form {example}")
-        return name.strip(), rest
-
-    return Typed(example, read)
-
-
-def _names(text: str, option: str, degrees: bool | None) -> tuple[str, ...]:
-    """Words between commas."""
-    names = tuple(word.strip() for word in text.split(",") if word.strip())
-    OptionError.refuse_if(not names, f"{option} names no joint")
-    return names
-
-
-NAMES = Typed("A,B,...", _names)
-"""Joints, by name or place: see `joint_names`."""
-
-
-def _dict(ctx: click.Context, param: click.Parameter, pairs: Any) -> dict[str, Any]:
-    return dict(pairs)
-
-
-def arm_options(command: F) -> F:
-    """Add the ROBOT argument and the options that choose an arm; pass them as a RobotRequest."""
-
-    @click.argument("robot", shell_complete=completion.robots)
-    @click.option(
-        "--tip",
-        metavar="FRAME",
-        shell_complete=completion.frames,
-        help="Frame whose motion counts: the end effector.",
-    )
-    @click.option(
-        "--base",
-        metavar="FRAME",
-        shell_complete=completion.frames,
-        help="Frame that the chain starts from.",
-    )
-    @click.option(
-        "--joints",
-        type=NAMES,
-        shell_complete=completion.joints,
-        help="Joints to keep free; the others are locked.",
-    )
-    @click.option(
-        "--task",
-        default="pose",
-        show_default=True,
-        shell_complete=completion.tasks,
-        help="pose, position, orientation, tool-axis, or rows such as vx,vy,wz or vx@tip,wy@tip.",
-    )
-    @click.option(
-        "--tool-axis",
-        type=click.Choice(["x", "y", "z"]),
-        help="Axis of the tip that is free to rotate: task tool-axis (drilling, welding).  "
-        "[default: z]",
-    )
-    @click.option(
-        "--length-scale",
-        type=float,
-        default=1.0,
-        show_default=True,
-        metavar="METRES",
-        help="Translations are divided by it before singular values are taken.",
-    )
-    @click.option(
-        "--package",
-        "packages",
-        type=_pair("=", "NAME=DIR"),
-        multiple=True,
-        callback=_dict,
-        help="Folder of a ROS package; repeatable.",
-    )
-    @click.option(
-        "--xacro-arg",
-        "xacro_args",
-        type=_pair(":=", "K:=V"),
-        multiple=True,
-        callback=_dict,
-        help="Argument of a xacro file; repeatable.",
-    )
-    @click.option(
-        "--design",
-        metavar="auto|none|ROBOT",
-        shell_complete=completion.robots,
-        help="What ROBOT is an imperfect copy of: families are of the design, distances of ROBOT; "
-        "none: all is of the numbers of the file.",
-    )
-    @click.option(
-        "--calibration",
-        metavar="FILE.yaml",
-        help="Calibration of a UR robot, as ur_calibration writes it; ROBOT is its design.",
-    )
-    @functools.wraps(command)
-    def wrapper(**options: Any) -> Any:
-        asked = {f.name: options.pop(f.name) for f in fields(RobotRequest) if f.name in options}
-        for value in options.values():
-            OutputError.refuse_if(
-                isinstance(value, Path) and _same_file(value, asked["robot"]),
-                f"cannot write {value}: it is the robot itself",
-            )
-        source = click.get_current_context().get_parameter_source
-        if asked["tool_axis"] is not None and source("task") is ParameterSource.DEFAULT:
-            asked["task"] = "tool-axis"
-        return command(RobotRequest(**asked), **options)
-
-    return wrapper  # type: ignore[return-value]
-
-
-deg_option = click.option(
+deg_option = option(
+    "Angles in degrees, typed and printed; or in radians, even where they only make sense in "
+    "degrees.",
     "--deg/--rad",
     is_eager=True,  # it says what the numbers of other options are
-    help="Angles in degrees, typed and printed; or in radians, even where they only make sense in "
-    "degrees.",
 )
 
 
@@ -331,21 +352,31 @@ _STDOUT_TOO = ("json_target", "csv", "c", "python", "urdf")
 
 
 class _OutputOption(click.Option):
-    """``-o``; ``kinds`` is the argument of the command for each ending."""
+    """``-o FILE``, repeatable; the ending tells which parameter of the command gets the file.
 
-    def __init__(self, *names: Any, kinds: dict[str, str], **more: Any) -> None:
-        super().__init__(*names, **more)
+    ``kinds`` is that parameter for each ending; ``/`` is a folder. Each file is checked first.
+    """
+
+    def __init__(self, kinds: dict[str, str], required: bool) -> None:
         self.kinds = kinds
+        self.texts = [ending for ending, name in kinds.items() if name in _STDOUT_TOO]
+        self.shown = ", ".join("a folder" if ending == "/" else ending for ending in kinds)
+        texts = self.texts
+        dash = f"; -{texts[0] if texts[1:] else ''} for {texts[0]} on stdout" if texts else ""
+        super().__init__(
+            ["-o", "--output"],
+            multiple=True,
+            required=required,
+            expose_value=False,
+            callback=self.sort,
+            metavar="FILE",
+            shell_complete=completion.files,
+            help=f"Write a file, by its ending: {self.shown}{dash}. Repeatable.",
+        )
 
-
-def output_option(required: bool = False, **endings: str) -> Callable[[F], F]:
-    """Add ``-o FILE``, repeatable; the ending tells which argument of the command gets the file."""
-    # As ``html=".html", plot=".png .svg"``; ``out="/"`` takes a folder. Each file is checked first.
-    kinds = {ending: name for name, listed in endings.items() for ending in listed.split()}
-    texts = [ending for ending, name in kinds.items() if name in _STDOUT_TOO]
-    shown = ", ".join("a folder" if ending == "/" else ending for ending in kinds)
-
-    def argument(value: str) -> str:
+    def _parameter(self, value: str) -> str:
+        """The parameter of the command that gets a file."""
+        kinds, texts = self.kinds, self.texts
         longest = sorted(kinds, key=len, reverse=True)
         found = next((kinds[end] for end in longest if value.lower().endswith(end)), None)
         if found is None and len(texts) == 1 and (value == STDOUT or value.startswith("/dev/")):
@@ -356,67 +387,44 @@ def output_option(required: bool = False, **endings: str) -> Callable[[F], F]:
         if found is None and "/" in kinds and (not Path(value).suffix or Path(value).is_dir()):
             found = kinds["/"]
         if found is None:
-            raise OptionError(f"-o {value}: the name says what to write, by its ending: {shown}")
+            raise OptionError(
+                f"-o {value}: the name says what to write, by its ending: {self.shown}"
+            )
         return found
 
-    def sort(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> None:
-        files: dict[str, str | Path | None] = dict.fromkeys(endings)
+    def sort(self, ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> None:
+        """Give each file to its parameter; the others are None."""
+        files: dict[str, str | Path | None] = dict.fromkeys(self.kinds.values())
         for value in values:
-            name = argument(value)
+            name = self._parameter(value)
             OptionError.refuse_if(
                 files[name] is not None,
                 f"-o {files[name]} and -o {value} are files of one kind: give one of them",
             )
-            if value in (STDOUT, *(STDOUT + end for end in texts)):
+            if value in (STDOUT, *(STDOUT + end for end in self.texts)):
                 files[name] = STDOUT
             else:
-                files[name] = Path(value) if kinds.get("/") == name else check_writable(value)
+                folder = self.kinds.get("/") == name
+                files[name] = Path(value) if folder else check_writable(value)
         ctx.params.update(files)
 
-    dash = f"; -{texts[0] if texts[1:] else ''} for {texts[0]} on stdout" if texts else ""
-    return click.option(
-        "-o",
-        "--output",
-        cls=_OutputOption,
-        kinds=kinds,
-        multiple=True,
-        required=required,
-        expose_value=False,
-        callback=sort,
-        metavar="FILE",
-        shell_complete=completion.files,
-        help=f"Write a file, by its ending: {shown}{dash}. Repeatable.",
-    )
 
+json_option = written(".json")
 
-json_option = output_option(json_target=".json")
-
-verbose_option = click.option(
-    "-v", "--verbose", is_flag=True, help="Print the evidence too: equations, proofs, motions lost."
+verbose_option = option(
+    "Print the evidence too: equations, proofs, motions lost.", "-v", "--verbose"
 )
-
-fail_option = click.option(
-    "--fail-if-singular", is_flag=True, help="Exit with code 1 if a singularity is found."
-)
-
-
-def tip_speed_options(command: F) -> F:
-    """Add ``--tip-speed`` and ``--turn-speed``; without them the arguments are the defaults."""
-    shown: dict[str, Any] = {"type": float, "show_default": True}
-    turn = click.option(
-        "--turn-speed", default=0.5, metavar="RAD/S", help="At the same time, in any.", **shown
-    )
-    tip = click.option(
-        "--tip-speed", default=0.25, metavar="M/S", help="Tip speed in any direction.", **shown
-    )
-    return tip(turn(command))
+fail_option = option("Exit with code 1 if a singularity is found.")
+only_option = option("Only this family; repeatable.", "--family", multiple=True, metavar="NAME")
+ignore_limits_option = option("Ignore joint limits.")
+seed_option = option(type=click.IntRange(min=0), default=0)
 
 
-joint_speeds_option = click.option(
-    "--joint-speeds",
+tip_speed_option = option("Tip speed in any direction.", default=0.25, metavar="M/S")
+turn_speed_option = option("At the same time, in any.", default=0.5, metavar="RAD/S")
+joint_speeds_option = option(
+    "Speed limits of the joints, m/s and rad/s, with --deg deg/s.  [default: those of the file]",
     metavar="S1,S2,...",
-    help="Speed limits of the joints, m/s and rad/s, with --deg deg/s.  [default: those of the "
-    "file]",
 )
 
 
@@ -446,29 +454,25 @@ def _read_zones(ctx: click.Context, param: click.Parameter, file: Path | None) -
         return None
     from pinsing.proximity.zones import Zones
 
-    try:
-        return Zones.from_dict(read_json(file))
-    except ResultError as error:
-        raise ResultError(f"{file}: {error}") from None
+    found: Zones = read_result(file, Zones)
+    return found
 
 
-zones_option = click.option(
-    "--zones",
+zones_option = option(
+    "With the zones that `pinsing zones ROBOT -o FILE.json` wrote.",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     metavar="FILE.json",
     callback=_read_zones,
-    help="With the zones that `pinsing zones ROBOT -o FILE.json` wrote.",
 )
-"""Adds ``--zones``; the command gets the `Zones` of the file, or None."""
+"""The command gets the `Zones` of the file, or None."""
 
 
-def follow_option(what: str) -> Callable[[F], F]:
-    """Add ``--follow STREAM``: configurations of a running robot."""
-    return click.option(
-        "--follow",
+def follow_option(what: str) -> Any:
+    """Return ``--follow STREAM``: configurations of a running robot."""
+    return option(
+        f"{what}: - for standard input, or a pipe; JSON by joint name or CSV with a head.",
         type=click.Path(exists=True, dir_okay=False, path_type=Path, allow_dash=True),
         metavar="STREAM",
-        help=f"{what}: - for standard input, or a pipe; JSON by joint name or CSV with a head.",
     )
 
 
@@ -705,9 +709,74 @@ class GroupedCommand(click.Command):
                     formatter.write_dl(records)
 
 
-def command(name: str) -> Callable[[Callable[..., Any]], GroupedCommand]:
-    """As `click.command`, of a `GroupedCommand`."""
-    return click.command(name, cls=GroupedCommand)
+_LOOPS = (
+    click.Option(
+        ["--loops"],
+        type=click.Path(dir_okay=False, path_type=Path),
+        is_flag=False,
+        flag_value="",  # --loops alone
+        metavar="FILE.yaml",
+        help="Closed loops of a mechanism; ROBOT is its spanning tree.  [default: the file "
+        "NAME.loops.yaml beside it, if there is one]",
+    ),
+    click.Option(["--no-loops"], is_flag=True, help="Take a serial chain of a mechanism."),
+)
+
+
+CHAIN: dict[str, Any] = {
+    "tip": None, "base": None, "joints": None, "tool_axis": None, "zones": None, "design": None,
+    "calibration": None, "task": "pose",
+}  # fmt: skip
+"""Options that choose a serial chain or its task, and what they are if not given."""
+
+
+def given_beside(options: Mapping[str, Any], usual: Mapping[str, Any]) -> list[str]:
+    """Return the options that are not as they are if not given, as they are typed."""
+    return [f"--{name.replace('_', '-')}" for name, x in usual.items() if options.get(name, x) != x]
+
+
+def command(
+    name: str, mechanism: Callable[..., Any] | None = None, needs_output: bool = False
+) -> Callable[[Callable[..., Any]], GroupedCommand]:
+    """Make a `GroupedCommand` of a function whose parameters have for defaults how they are typed.
+
+    With ``--loops``, ``mechanism`` is called instead, with the file and all that was typed.
+    """
+
+    def decorate(function: Callable[..., Any]) -> GroupedCommand:
+        def run(loops: Path | None = None, no_loops: bool = False, **typed: Any) -> Any:
+            if mechanism is not None and (file := _loops_of(loops, no_loops, typed)) is not None:
+                return mechanism(file, **typed)
+            for value in typed.values():
+                OutputError.refuse_if(
+                    isinstance(value, Path) and _is_robot(value, typed.get("robot")),
+                    f"cannot write {value}: it is the robot itself",
+                )
+            return _called(function, typed)
+
+        params = [*(_LOOPS if mechanism else ()), *_asked(function, needs_output)]
+        run.__doc__ = function.__doc__
+        return click.command(name, cls=GroupedCommand, params=params)(run)
+
+    return decorate
+
+
+def _is_robot(path: Path, robot: str | None) -> bool:
+    try:
+        return robot is not None and path.exists() and path.samefile(robot)
+    except (OSError, ValueError):  # a name, not a file
+        return False
+
+
+def _loops_of(loops: Path | None, no_loops: bool, typed: dict[str, Any]) -> Path | None:
+    """The loop file that was typed, or that is beside the robot where a mechanism may be meant."""
+    if loops == Path():
+        return loops_beside(typed["robot"])
+    if loops is None and not no_loops and not given_beside(typed, CHAIN):
+        loops = loops_at_hand(typed["robot"])
+        if loops is not None:
+            say(f"note: closed loops are those of {loops}; --no-loops takes a serial chain")
+    return loops
 
 
 def values_named(found: click.Command | None, words: list[str]) -> list[str]:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import functools
 import gc
 import io
 import json
@@ -25,13 +24,12 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
 from pinsing.atomic_write import write_bytes, write_text
-from pinsing.cli import completion
 from pinsing.errors import (
     ConfigurationError,
     OptionError,
@@ -369,18 +367,21 @@ def picture_size(text: str, option: str, degrees: bool | None = None) -> tuple[i
     return int(width), int(height)
 
 
-def read_json(path: Path) -> Any:
-    """Return the content of a JSON file; ResultError if it cannot be read, or is not JSON."""
+def read_result(path: Path, *kinds: type[JsonResult]) -> Any:
+    """Return the result in a JSON file, one of ``kinds``; ResultError if that is not in it."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise ResultError(f"{path}: not JSON: {' '.join(str(error).split())}") from None
+    schema = data.get("schema") if isinstance(data, dict) else None
+    try:
+        return next((k for k in kinds if k.schema == schema), kinds[-1]).from_dict(data)
+    except ResultError as error:
+        raise ResultError(f"{path}: {error}") from None
 
-
-F = TypeVar("F", bound=Callable[..., Any])
 
 Place = Callable[[], AbstractContextManager[dict[str, Any]]]
-"""Of a run: see `place_options`."""
+"""Of a run: called for a context, whose value is keyword arguments of it."""
 
 WORDS = "pinsing.words"
 """Where a context has the words of the command line."""
@@ -391,7 +392,7 @@ _QUIET_SECONDS = 30.0  # between two lines where there is no terminal to draw on
 
 
 @contextlib.contextmanager
-def _run_place(
+def run_place(
     engine: str, threads: int | None, workers: int | None, dask: str | None
 ) -> Iterator[dict[str, Any]]:
     """Keyword arguments of a run, that say where it takes place; its executor ends with the block.
@@ -417,48 +418,6 @@ def _run_place(
             yield {"engine": engine, "executor": executor, "parallel": count}
         else:
             yield {"engine": engine, "threads": threads}
-
-
-def place_options(command: F) -> F:
-    """Add ``--engine``, ``--threads``, ``--workers``, ``--dask``; the command gets ``place``.
-
-    It is called for a context, whose value is keyword arguments of a run.
-    """
-
-    @click.option(
-        "--engine",
-        default="auto",
-        show_default=True,
-        metavar="NAME",
-        shell_complete=completion.choices(
-            "auto", "batch", "pinocchio", "baseline", "avx2", "avx512"
-        ),
-        help="auto, batch, pinocchio, or an instruction set: baseline, avx2, avx512.",
-    )
-    @click.option(
-        "--threads",
-        type=click.IntRange(min=1),
-        metavar="N",
-        help="Threads.  [default: all processors]",
-    )
-    @click.option(
-        "--workers",
-        type=click.IntRange(min=1),
-        metavar="N",
-        help="Worker processes instead of threads.",
-    )
-    @click.option(
-        "--dask", metavar="ADDRESS", help="Run on a dask.distributed cluster: tcp://HOST:PORT."
-    )
-    @functools.wraps(command)
-    def wrapper(*args: Any, **options: Any) -> Any:
-        where = {name: options.pop(name) for name in ("engine", "threads", "workers", "dask")}
-        given = [name for name in ("threads", "workers", "dask") if where[name]]
-        if len(given) > 1:
-            raise OptionError(f"--{given[0]} and --{given[1]} exclude each other")
-        return command(*args, place=lambda: _run_place(**where), **options)
-
-    return wrapper  # type: ignore[return-value]
 
 
 class Meter:

@@ -6,18 +6,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
 from pinsing.atomic_write import check_writable
 from pinsing.cli import completion
 from pinsing.cli.options import (
     RobotRequest,
+    argument,
     arm_options,
     command,
     deg_option,
     in_degrees,
     json_option,
-    output_option,
+    written,
 )
 from pinsing.cli.output import STDOUT, doing, emit, emit_json, emit_json_data, put
 from pinsing.errors import ChainError, OptionError, shown_path
@@ -28,10 +27,11 @@ if TYPE_CHECKING:
 
 
 @command("info")
-@arm_options
-@deg_option
-@json_option
-def info_command(request: RobotRequest, deg: bool, json_target: str | Path | None) -> None:
+def info_command(
+    request: RobotRequest = arm_options,
+    deg: bool = deg_option,
+    json_target: str | Path | None = json_option,
+) -> None:
     """Show how pinsing interprets ROBOT: chain, joints, limits, tip, generic rank, geometry.
 
     Where several arms could be meant, lists them with the command for each.
@@ -64,9 +64,10 @@ def info_command(request: RobotRequest, deg: bool, json_target: str | Path | Non
 
 
 @command("list")
-@click.argument("word", required=False, default="", shell_complete=completion.known)
-@json_option
-def list_command(word: str, json_target: str | Path | None) -> None:
+def list_command(
+    word: str = argument(required=False, default="", shell_complete=completion.known),
+    json_target: str | Path | None = json_option,
+) -> None:
     """List the robots known by name; with WORD, those that have it in their name or title.
 
     Of arms also what they are known for, and the reach: the largest distance of the tip from the
@@ -122,10 +123,11 @@ def _listed(entries: list[CatalogEntry]) -> str:
     return "\n\n".join(Page.of().table(table) for table in tables if table.rows)
 
 
-@command("dh")
-@click.argument("table", shell_complete=completion.files)
-@output_option(required=True, urdf=".urdf")
-def dh_command(table: str, urdf: str | Path) -> None:
+@command("dh", needs_output=True)
+def dh_command(
+    table: str = argument(shell_complete=completion.files),
+    urdf: str | Path = written(".urdf"),
+) -> None:
     """Turn a DH table (YAML, standard or modified convention) into a URDF."""
     from pinsing.description.catalog import locate_robot
     from pinsing.description.dh_table import dh_to_urdf, known_table, read_dh

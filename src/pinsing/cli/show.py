@@ -15,23 +15,26 @@ import click
 from pinsing import families, kinematics, plot, proximity, robot, sampling, view
 from pinsing.cli import completion
 from pinsing.cli.families import algebra_options, prove_option
-from pinsing.cli.mechanism import loops_option, read, tell_of_limits, typed_inputs, view_loops
-from pinsing.cli.motion import file_options, read_samples, with_aspects
+from pinsing.cli.mechanism import read, tell_of_limits, typed_inputs, view_loops
+from pinsing.cli.motion import columns_option, read_samples, units_option, with_aspects
 from pinsing.cli.options import (
     NAMES,
     VECTOR,
     JointValues,
     RobotRequest,
     Typed,
+    argument,
     arm_options,
     at_joint,
     command,
     deg_option,
     follow_option,
+    given_beside,
     in_degrees,
     joint_names,
-    output_option,
+    option,
     told_degrees,
+    written,
     zones_option,
 )
 from pinsing.cli.output import (
@@ -40,7 +43,7 @@ from pinsing.cli.output import (
     followed,
     off_screen,
     picture_size,
-    read_json,
+    read_result,
     save_figure,
     say,
     show_page,
@@ -57,7 +60,6 @@ _LOOP_PLOTS = ("map", "curves", "ellipsoids", "modes")
 _ARM_PLOTS: dict[str, Any] = {
     "fixed": (), "only": (), "each": None, "motions": None, "measure": "sigma",
 }  # fmt: skip
-_PLOT_OPTIONS = {"only": "family"}
 
 
 def plot_loops(
@@ -87,11 +89,8 @@ def plot_loops(
     OptionError.refuse_if(
         over is not None and kind != "map", "--over goes with plot map --loops: --over x,y"
     )
-    given = [name for name, usual in _ARM_PLOTS.items() if options.get(name, usual) != usual]
-    if given:
-        raise OptionError(
-            f"{'--' + _PLOT_OPTIONS.get(given[0], given[0])} does not go with plot --loops"
-        )
+    if given := given_beside(options, _ARM_PLOTS):
+        raise OptionError(f"{given[0].replace('only', 'family')} does not go with plot --loops")
     mechanism = read(loops, options)
     if ignore_limits:
         mechanism = mechanism.without_limits()
@@ -153,81 +152,53 @@ KINDS = (
 _STEPS = 400
 
 
-@command("plot")
-@click.argument("kind", type=click.Choice(KINDS), metavar="WHAT")
-@loops_option(plot_loops)
-@arm_options
-@output_option(required=True, out=".png .svg .pdf")
-@click.option(
-    "--q",
-    "configurations",
-    multiple=True,
-    type=VECTOR,
-    help="Configuration: of the ellipsoids; where joints stay that a map or curves do not move; "
-    "for along, the waypoints, at least two.",
-)
-@click.option(
-    "--over",
-    type=NAMES,
-    metavar="A,B",
-    shell_complete=completion.joints,
-    help="map, locus, aspects: the two joints, by name or q1, q2, ... curves: those that move. "
-    "With --loops: map over two of x, y, z, roll, pitch, yaw of the output.",
-)
-@click.option(
-    "--fixed",
-    multiple=True,
-    type=at_joint("JOINT=VALUE", 1),
-    shell_complete=completion.joint_value,
-    help="curves: joint held at a special value; repeatable.",
-)
-@click.option(
-    "--family",
-    "only",
-    multiple=True,
-    metavar="NAME",
-    help="locus: which family, such as F1 or wrist. map: those shown; repeatable.  [default: all]",
-)
-@click.option(
-    "--each",
-    type=at_joint("JOINT=V1,V2,..."),
-    shell_complete=completion.joint_value,
-    help="locus: values of a third joint, a curve for each.",
-)
-@click.option(
-    "--ignore-limits",
-    is_flag=True,
-    help="curves, map, locus, aspects, solutions: ignore joint limits.",
-)
-@click.option(
-    "--motions",
-    type=click.Choice(("pure", "all")),
-    help="ellipsoids: of pure motions (tool held, or tip held), or of all, as in the paper.  "
-    "[default: pure for a pose]",
-)
-@click.option(
-    "--measure",
-    type=click.Choice(("sigma", "clearance")),
-    default="sigma",
-    show_default=True,
-    help="map, workspace: what is shown.",
-)
-@click.option("--dpi", type=click.IntRange(30, 1200), default=200, show_default=True)
-@deg_option
+@command("plot", mechanism=plot_loops, needs_output=True)
 def plot_command(
-    request: RobotRequest,
-    kind: str,
-    out: Path,
-    configurations: tuple[JointValues, ...],
-    over: tuple[str, ...] | None,
-    fixed: tuple[Callable[[Arm], Any], ...],
-    only: tuple[str, ...],
-    each: Callable[[Arm], Any] | None,
-    ignore_limits: bool,
-    motions: Any,
-    measure: Any,
-    dpi: int,
-    deg: bool,
+    kind: str = argument(type=click.Choice(KINDS), metavar="WHAT"),
+    request: RobotRequest = arm_options,
+    out: Path = written(".png .svg .pdf"),
+    configurations: tuple[JointValues, ...] = option(
+        "Configuration: of the ellipsoids; where joints stay that a map or curves do not move; "
+        "for along, the waypoints, at least two.",
+        "--q",
+        multiple=True,
+        type=VECTOR,
+    ),
+    over: tuple[str, ...] | None = option(
+        "map, locus, aspects: the two joints, by name or q1, q2, ... curves: those that move. "
+        "With --loops: map over two of x, y, z, roll, pitch, yaw of the output.",
+        type=NAMES,
+        metavar="A,B",
+        shell_complete=completion.joints,
+    ),
+    fixed: tuple[Callable[[Arm], Any], ...] = option(
+        "curves: joint held at a special value; repeatable.",
+        multiple=True,
+        type=at_joint("JOINT=VALUE", 1),
+        shell_complete=completion.joint_value,
+    ),
+    only: tuple[str, ...] = option(
+        "locus: which family, such as F1 or wrist. map: those shown; repeatable.  [default: all]",
+        "--family",
+        multiple=True,
+        metavar="NAME",
+    ),
+    each: Callable[[Arm], Any] | None = option(
+        "locus: values of a third joint, a curve for each.",
+        type=at_joint("JOINT=V1,V2,..."),
+        shell_complete=completion.joint_value,
+    ),
+    ignore_limits: bool = option("curves, map, locus, aspects, solutions: ignore joint limits."),
+    motions: Any = option(
+        "ellipsoids: of pure motions (tool held, or tip held), or of all, as in the paper.  "
+        "[default: pure for a pose]",
+        type=click.Choice(("pure", "all")),
+    ),
+    measure: Any = option(
+        "map, workspace: what is shown.", type=click.Choice(("sigma", "clearance")), default="sigma"
+    ),
+    dpi: int = option(type=click.IntRange(30, 1200), default=200),
+    deg: bool = deg_option,
 ) -> None:
     """Draw a figure of ROBOT.
 
@@ -358,51 +329,35 @@ def _report_loops(
     _write(mechanism, html, pdf, page, skeleton, given, None)
 
 
-@command("report")
-@loops_option(_report_loops)
-@arm_options
-@output_option(required=True, html=".html .htm", pdf=".pdf")
-@click.option(
-    "--page",
-    type=click.Choice(PAGES),
-    default=PAGES[0],
-    show_default=True,
-    help="Where the interactive model goes: inside the report, into FILE-model.html, nowhere.",
-)
-@click.option("--skeleton", is_flag=True, help="The model without meshes: under 3 MB.")
-@click.option(
-    "--q",
-    "poses",
-    multiple=True,
-    type=VECTOR,
-    shell_complete=completion.files,
-    help="Judge this configuration too; repeatable.",
-)
-@click.option(
-    "--trajectory",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    metavar="FILE",
-    help="Judge this trajectory too: what `pinsing check` reads.",
-)
-@file_options
-@zones_option
-@prove_option
-@algebra_options
-@deg_option
+@command("report", mechanism=_report_loops, needs_output=True)
 def report_command(
-    request: RobotRequest,
-    html: Path | None,
-    pdf: Path | None,
-    page: str,
-    skeleton: bool,
-    poses: tuple[JointValues, ...],
-    trajectory: Path | None,
-    units: str | None,
-    columns: tuple[str, ...] | None,
-    zones: Any,
-    prove: Prove,
-    algebra: dict[str, Any],
-    deg: bool,
+    request: RobotRequest = arm_options,
+    html: Path | None = written(".html .htm"),
+    pdf: Path | None = written(".pdf"),
+    page: str = option(
+        "Where the interactive model goes: inside the report, into FILE-model.html, nowhere.",
+        type=click.Choice(PAGES),
+        default=PAGES[0],
+    ),
+    skeleton: bool = option("The model without meshes: under 3 MB."),
+    poses: tuple[JointValues, ...] = option(
+        "Judge this configuration too; repeatable.",
+        "--q",
+        multiple=True,
+        type=VECTOR,
+        shell_complete=completion.files,
+    ),
+    trajectory: Path | None = option(
+        "Judge this trajectory too: what `pinsing check` reads.",
+        type=click.Path(exists=True, dir_okay=False, path_type=Path),
+        metavar="FILE",
+    ),
+    units: str | None = units_option,
+    columns: tuple[str, ...] | None = columns_option,
+    zones: Any = zones_option,
+    prove: Prove = prove_option,
+    algebra: dict[str, Any] = algebra_options,
+    deg: bool = deg_option,
 ) -> None:
     """Write a report of ROBOT's singular configurations: one HTML file to send on.
 
@@ -479,67 +434,51 @@ def _write(
     )
     if where == "beside" and html is not None:
         say(f"wrote {html.with_name(f'{html.stem}-model.html')}")
-    for written in (html, pdf):
-        if written is not None:
-            say(f"wrote {written}")
+    for file in (html, pdf):
+        if file is not None:
+            say(f"wrote {file}")
 
 
 _PICTURE = 0.05
 """Seconds from a configuration of a stream that is shown to the next."""
 
 
-@command("view")
-@loops_option(view_loops)
-@arm_options
-@click.option(
-    "--q",
-    "poses",
-    multiple=True,
-    type=VECTOR,
-    help="Show this configuration, first in the list; repeatable.",
-)
-@click.option(
-    "--analysis",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    metavar="FILE.json",
-    help="Take the families from the JSON of `pinsing analyze` or `families`.",
-)
-@click.option(
-    "--family",
-    metavar="NAME",
-    shell_complete=completion.families,
-    help="Show this family first, such as F2.",
-)
-@zones_option
-@follow_option("Show the configurations of STREAM as they come")
-@click.option("--scale", type=float, default=1.0, show_default=True, help="Size of the ellipsoids.")
-@click.option("--skeleton", is_flag=True, help="Without meshes: small pages.")
-@click.option(
-    "--size",
-    default="1200x900",
-    show_default=True,
-    type=Typed("WxH", picture_size),
-    help="Of the picture.",
-)
-@click.option("--panel", is_flag=True, help="Include the side panel in the picture.")
-@click.option("--no-open", is_flag=True, help="Do not open a browser.")
-@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
-@click.option("--port", type=click.IntRange(0, 65535), help="[default: first free from 7000 on]")
-@deg_option
-@output_option(html=".html", png=".png")
+def _page(
+    size: Any = option("Of the picture.", default="1200x900", type=Typed("WxH", picture_size)),
+    panel: bool = option("Include the side panel in the picture."),
+    no_open: bool = option("Do not open a browser."),
+    host: str = option("Address to listen on.", default="127.0.0.1"),
+    port: int | None = option("[default: first free from 7000 on]", type=click.IntRange(0, 65535)),
+) -> dict[str, Any]:
+    """How a page is served, and pictures of it taken: arguments of `show_page`."""
+    return {"size": size, "panel": panel, "no_open": no_open, "host": host, "port": port}
+
+
+page_options: Any = _page
+
+
+@command("view", mechanism=view_loops)
 def view_command(
-    request: RobotRequest,
-    poses: tuple[JointValues, ...],
-    analysis: Path | None,
-    family: str | None,
-    zones: proximity.Zones | None,
-    follow: Path | None,
-    scale: float,
-    skeleton: bool,
-    html: Path | None,
-    png: Path | None,
-    deg: bool,
-    **page: Any,
+    request: RobotRequest = arm_options,
+    poses: tuple[JointValues, ...] = option(
+        "Show this configuration, first in the list; repeatable.", "--q", multiple=True, type=VECTOR
+    ),
+    analysis: Path | None = option(
+        "Take the families from the JSON of `pinsing analyze` or `families`.",
+        type=click.Path(exists=True, dir_okay=False, path_type=Path),
+        metavar="FILE.json",
+    ),
+    family: str | None = option(
+        "Show this family first, such as F2.", metavar="NAME", shell_complete=completion.families
+    ),
+    zones: proximity.Zones | None = zones_option,
+    follow: Path | None = follow_option("Show the configurations of STREAM as they come"),
+    scale: float = option("Size of the ellipsoids.", default=1.0),
+    skeleton: bool = option("Without meshes: small pages."),
+    page: dict[str, Any] = page_options,
+    deg: bool = deg_option,
+    html: Path | None = written(".html"),
+    png: Path | None = written(".png"),
 ) -> None:
     """Show ROBOT at its singular configurations: poses, ellipsoids, lost motion.
 
@@ -650,14 +589,7 @@ def _find(arm: Arm, at: Callable[[str], None]) -> _Listed:
 
 def _read(path: Path, arm: Arm) -> _Listed:
     """Families and findings of a saved analysis, or of a saved closed form, of the same arm."""
-    data = read_json(path)
-    schema = data.get("schema") if isinstance(data, dict) else None
-    saved: sampling.Analysis | families.ClosedForm
-    kind = families.ClosedForm if schema == families.ClosedForm.schema else sampling.Analysis
-    try:
-        saved = kind.from_dict(data)
-    except ResultError as error:
-        raise ResultError(f"{path}: {error}") from None
+    saved = read_result(path, families.ClosedForm, sampling.Analysis)
     ResultError.refuse_if(
         saved.arm.joints != arm.joints,
         f"{path} is of {saved.arm.name} with joints {', '.join(saved.arm.joints)}, "
