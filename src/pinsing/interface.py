@@ -21,7 +21,7 @@ import typing
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, TypeVar
 
 import numpy as np
 
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 F = TypeVar("F", bound=Callable[..., Any])
+T = TypeVar("T")
 
 MAX_SEED = int(np.iinfo(np.uint64).max)
 MAX_STARTS = 10_000_000  # that one call draws
@@ -543,6 +544,21 @@ class JsonResult(Advised):
         except (ValueError, RecursionError) as error:
             raise ResultError(f"not JSON: {_short(error)}") from None
         return cls.from_dict(data)
+
+
+class Sequenced(Generic[T]):
+    """Mixin of results that are read as a sequence: of the items of one field."""
+
+    _items: ClassVar[str]
+
+    def __len__(self) -> int:
+        return len(getattr(self, self._items))
+
+    def __iter__(self) -> Iterator[T]:
+        return iter(getattr(self, self._items))
+
+    def __getitem__(self, index: int) -> T:
+        return typing.cast(T, getattr(self, self._items)[index])
 
 
 _UNFIT = (TypeError, ValueError, LookupError, ArithmeticError, AttributeError, RecursionError)

@@ -1,12 +1,8 @@
 """Pictures of mechanisms: maps, slices through the workspace by mode, curves, modes."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import sys
-from pathlib import Path
-from typing import Any
 
 import click
 import matplotlib as mpl
@@ -387,7 +383,7 @@ def test_plots_are_written(kind, tmp_path):
 
 
 def test_loops_alone_means_the_file_beside_and_its_absence_is_said():
-    def told(loops: Path, **options: Any) -> None:
+    def told(loops, **options):
         click.echo(f"{loops.name} {sorted(options.items())}")
 
     @command("arm", mechanism=told)

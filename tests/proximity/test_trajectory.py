@@ -240,7 +240,7 @@ def test_other_bad_files(tmp_path: Path) -> None:
     np.save(tmp_path / "hole.npy", hole)
     for name, words in (
         ("no.npz", "array 'q'"),
-        ("back.npz", "ascend"),
+        ("back.npz", "back.npz: times must ascend"),
         ("nan.npz", "nan"),
         ("one.npz", "'t' needs 5 times, one a sample; got ()"),
         ("across.npz", "got (1, 5)"),

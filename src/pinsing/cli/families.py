@@ -44,7 +44,6 @@ from pinsing.cli.options import (
     only_option,
     option,
     parse_numbers,
-    seed_option,
     verbose_option,
     whole_number,
     written,
@@ -140,7 +139,7 @@ def _swept(
     ),
     ignore_limits: bool = ignore_limits_option,
     no_prune: bool = option("Also sweep sets that contain one already found singular."),
-    seed: int = seed_option,
+    seed: int = option(type=click.IntRange(min=0), default=0),
     raw: bool = option("Everything on the numbers of the file as they are."),
     nominal: bool = option("Everything on the nominal geometry: rounding taken out."),
 ) -> Callable[[Arm], dict[str, Any]]:
@@ -358,7 +357,7 @@ def map_command(
     worst: int | None = option(
         "How many of the smallest ratios to keep.", type=click.IntRange(min=1), metavar="K"
     ),
-    seed: int = seed_option,
+    seed: int = option(type=click.IntRange(min=0), default=0),
     keep_values: bool = option("Keep all singular values in -o FOLDER too."),
     chunk: int | None = option("Configurations in a chunk.", type=WHOLE),
     place: Place = place_options,

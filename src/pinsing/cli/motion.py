@@ -197,11 +197,16 @@ def read_samples(
     file: Path, arm: Arm, units: str | None, columns: tuple[str, ...] | None
 ) -> TrajectoryFile:
     """Read a trajectory as the options say, and print what was assumed."""
+    from pinsing.proximity.crossings import check_times
     from pinsing.proximity.trajectory_file import read_trajectory
 
     read = read_trajectory(file, arm, _in_degrees(units), columns or ())
     for note in read.notes:
         say(f"note: {note}")
+    try:
+        check_times(read.t, len(read.Q))
+    except OptionError as error:
+        raise OptionError(f"{file}: {error}") from None
     return read
 
 

@@ -137,11 +137,11 @@ class Option:
     flags: tuple[str, ...] | None  # of an argument none
     attributes: dict[str, Any]
 
-    def made(self, name: str, annotation: str) -> click.Parameter:
+    def made(self, name: str, annotation: Any) -> click.Parameter:
         """Return the option or argument of that name."""
         if self.flags is None:
             return click.Argument([name], **self.attributes)
-        plain = annotation.removesuffix(" | None")
+        plain = str(annotation).removesuffix(" | None")
         flags = self.flags or (f"--{name.replace('_', '-')}",)
         shown = self.attributes.get("default") is not None and plain != "bool"
         usual = {"show_default": shown, **_USUAL.get(plain, {})}
@@ -417,7 +417,6 @@ verbose_option = option(
 fail_option = option("Exit with code 1 if a singularity is found.")
 only_option = option("Only this family; repeatable.", "--family", multiple=True, metavar="NAME")
 ignore_limits_option = option("Ignore joint limits.")
-seed_option = option(type=click.IntRange(min=0), default=0)
 
 
 tip_speed_option = option("Tip speed in any direction.", default=0.25, metavar="M/S")

@@ -28,7 +28,7 @@ families of every codimension count.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from itertools import pairwise, product
@@ -38,7 +38,7 @@ import numpy as np
 
 from pinsing._batch import engine
 from pinsing.errors import ConfigurationError, EngineError, OptionError, UnknownNameError
-from pinsing.interface import MAX_SEED, JsonResult, checked, typed, whole_number
+from pinsing.interface import MAX_SEED, JsonResult, Sequenced, checked, typed, whole_number
 from pinsing.kinematics.jacobian import (
     ROWS,
     generic_rank,
@@ -369,7 +369,7 @@ class InverseSolution(JsonResult):
 
 
 @dataclass(frozen=True, eq=False)
-class InverseSolutions(JsonResult):
+class InverseSolutions(JsonResult, Sequenced[InverseSolution]):
     """The inverse solutions of a pose, as far as they were found.
 
     Attributes
@@ -400,6 +400,7 @@ class InverseSolutions(JsonResult):
     """
 
     schema: ClassVar[str] = "pinsing/inverse/1"
+    _items: ClassVar[str] = "solutions"
     made_by: ClassVar[str] = "pinsing.inverse(arm, pose)"
 
     arm: ArmSummary
@@ -410,15 +411,6 @@ class InverseSolutions(JsonResult):
     starts: int
     doubt: str
     notes: tuple[str, ...]
-
-    def __len__(self) -> int:
-        return len(self.solutions)
-
-    def __iter__(self) -> Iterator[InverseSolution]:
-        return iter(self.solutions)
-
-    def __getitem__(self, index: int) -> InverseSolution:
-        return self.solutions[index]
 
     @property
     def certified(self) -> int:

@@ -23,7 +23,7 @@ import numpy as np
 from pinsing.algebra.budget import Budget
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
-from pinsing.interface import JsonResult, checked, typed
+from pinsing.interface import JsonResult, Sequenced, checked, typed
 from pinsing.kinematics.inverse import columns, regular_way
 from pinsing.kinematics.ladder import ladder_of, posture_names
 from pinsing.measures import PRACTICAL, ROUNDING, Array, ArrayLike
@@ -169,7 +169,7 @@ class PartCount:
 
 
 @dataclass(frozen=True, eq=False)
-class Aspects(JsonResult):
+class Aspects(JsonResult, Sequenced[Aspect]):
     """The aspects of an arm, counted.
 
     Attributes
@@ -207,6 +207,7 @@ class Aspects(JsonResult):
     """
 
     schema: ClassVar[str] = "pinsing/aspects/1"
+    _items: ClassVar[str] = "listed"
     made_by: ClassVar[str] = "pinsing.aspects(forms)"
 
     arm: ArmSummary
@@ -228,15 +229,6 @@ class Aspects(JsonResult):
         ``word`` says how sure it is that these are all.
         """
         return self.lower == self.upper
-
-    def __len__(self) -> int:
-        return len(self.listed)
-
-    def __iter__(self) -> Iterator[Aspect]:
-        return iter(self.listed)
-
-    def __getitem__(self, index: int) -> Aspect:
-        return self.listed[index]
 
     @checked
     def of(self, q: ArrayLike) -> int | None:

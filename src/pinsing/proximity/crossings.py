@@ -8,7 +8,7 @@ nearer than the bound lies outside of what is left.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
@@ -30,7 +30,7 @@ from pinsing.algebra.conditions import (
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch
-from pinsing.interface import JsonResult, checked, real_numbers
+from pinsing.interface import JsonResult, Sequenced, checked, real_numbers
 from pinsing.kinematics.jacobian import generic_rank, task_jacobians
 from pinsing.measures import PRACTICAL, ROUNDING, Array, ArrayLike, Bool, Ints
 from pinsing.proximity.clearance import CLOSE, Forms, Watched, nearest_family, watch
@@ -202,7 +202,7 @@ class Crossing:
 
 
 @dataclass(frozen=True, eq=False)
-class Crossings(JsonResult):
+class Crossings(JsonResult, Sequenced[Crossing]):
     """All meetings of a motion with families, in the order of time.
 
     Attributes
@@ -216,6 +216,7 @@ class Crossings(JsonResult):
     """
 
     schema: ClassVar[str] = "pinsing/crossings/1"
+    _items: ClassVar[str] = "events"
 
     events: tuple[Crossing, ...]
     names: tuple[str, ...]
@@ -234,15 +235,6 @@ class Crossings(JsonResult):
         lines = [f"t = {c.t:.6g}: {c.kind} {c.title or 'family'} ({c.family})" for c in self]
         lines = lines or [f"meets none of {', '.join(self.names) or 'no families'}"]
         return "\n".join([*lines, *["the closed form is not complete"] * (not self.complete)])
-
-    def __iter__(self) -> Iterator[Crossing]:
-        return iter(self.events)
-
-    def __len__(self) -> int:
-        return len(self.events)
-
-    def __getitem__(self, index: int) -> Crossing:
-        return self.events[index]
 
 
 @checked
