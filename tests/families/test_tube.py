@@ -3,13 +3,15 @@
 import importlib
 import math
 import pickle
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from command_line import run
 from dh_arms import dh_text
 from public import script
@@ -43,11 +45,8 @@ UR5E = {
 def write(path: Path, links: dict[str, tuple[float, ...]]) -> Path:
     """Write a calibration as the driver does."""
     keys = ("x", "y", "z", "roll", "pitch", "yaw")
-    rows = [
-        f"  {link}: {{{', '.join(f'{k}: {v!r}' for k, v in zip(keys, values, strict=True))}}}"
-        for link, values in links.items()
-    ]
-    path.write_text("\n".join(["kinematics:", *rows, "  hash: calib_1", ""]), encoding="utf-8")
+    rows = {link: dict(zip(keys, values, strict=True)) for link, values in links.items()}
+    path.write_text(yaml.safe_dump({"kinematics": {**rows, "hash": "calib_1"}}))
     return path
 
 
@@ -79,6 +78,13 @@ def form(tmp_path_factory: pytest.TempPathFactory) -> pinsing.ClosedForm:
     """A calibrated UR5e."""
     file = write(tmp_path_factory.mktemp("calibration") / "c.yaml", UR5E)
     return pinsing.closed_form(calibrated(pinsing.load("ur5e"), file))
+
+
+def guard_of(form: pinsing.ClosedForm) -> Callable[[np.ndarray], np.ndarray]:
+    """Clearance by an exported guard."""
+    guard: dict[str, Any] = {}
+    exec(pinsing.export_guard(form.loaded, "python", forms=form), guard)
+    return guard["clearance"]
 
 
 def test_tube_is_proven_and_holds_every_singular_configuration(form, attack):
@@ -140,19 +146,16 @@ def test_one_curved_family_is_not_told_wider_than_it_has_to_be(attack, monkeypat
 
 def test_bounds_are_about_the_robot(form, attack) -> None:
     found = attack.find_singular(form.loaded, np.random.default_rng(6).uniform(-3, 3, (60, 6)))
-    assert not pinsing.clearance(form, found).lower.any()
-    assert not pinsing.clearance(form, found, certify=True).lower.any()
     near = found + 0.05 * np.eye(6)[np.arange(len(found)) % 6]
-    assert (pinsing.clearance(form, near).lower <= 0.05).all()
-    assert (pinsing.clearance(form, near, certify=True).lower <= 0.05).all()
+    for certify in (False, True):
+        assert not pinsing.clearance(form, found, certify=certify).lower.any()
+        assert (pinsing.clearance(form, near, certify=certify).lower <= 0.05).all()
     monitor = pinsing.Monitor(form, warn=0.2, stop=0)
     assert {monitor.update(q).lower for q in found} == {0.0}
-    guard: dict[str, object] = {}
-    exec(pinsing.export_guard(form.loaded, "python", forms=form), guard)
-    assert not guard["clearance"](found).any()
-    same = pinsing.clearance(form, Q).lower
-    assert guard["clearance"](Q) == pytest.approx(float(same), abs=1e-9)
+    guard = guard_of(form)
+    assert not guard(found).any()
     there = pinsing.clearance(form, Q)
+    assert guard(Q) == pytest.approx(float(there.lower), abs=1e-9)
     assert (there.nominal, there.of_design) == (False, True)
     assert " rad from F3 of the design (" in str(there)
     assert "3 families of the design" in repr(monitor)
@@ -242,10 +245,9 @@ def test_a_tube_within_the_limits_is_not_taken_off_beyond_them(form) -> None:
     near = half - 0.8 * np.eye(6)[2]
     assert pinsing.clearance(of, near, certify=True).lower > radius[0]
     assert pinsing.Monitor(of, warn=0.2, stop=0).update(ways[4]).lower == lower[4]
-    guard: dict[str, object] = {}
-    exec(pinsing.export_guard(loaded, "python", forms=of), guard)
-    assert guard["clearance"](ways)[3:].tolist() == [0.0, 0.0]
-    assert guard["clearance"](ways)[0] > 0.4
+    guarded = guard_of(of)(ways)
+    assert guarded[3:].tolist() == [0.0, 0.0]
+    assert guarded[0] > 0.4
     aside = ways + np.array([0.0, 0.0, 0.2, 0.0, 0.0, 0.0])  # ends 0.3 rad beyond
     for way, proven in ((ways[:2], True), (aside[[1, 4]], False)):
         checks = (pinsing.check_trajectory(f, way) for f in (form, of))
@@ -269,10 +271,9 @@ def test_the_design_is_found_or_refused() -> None:
     rounded = chain_model(replace(chain, t=t), ur5e)  # as an export from CAD
     assert assumed_design(replace(ur5e, model=rounded))
     assert max(d.angle for d in differences(ur5e, design_of(ur5e, pinsing.load("ur5e")))) < 1e-9
-    with pytest.raises(OptionError, match="another robot"):
-        design_of(ur5e, pinsing.load("puma560"))
-    with pytest.raises(OptionError, match="7 joints"):
-        design_of(ur5e, pinsing.load("panda"))
+    for name, said in (("puma560", "another robot"), ("panda", "7 joints")):
+        with pytest.raises(OptionError, match=said):
+            design_of(ur5e, pinsing.load(name))
 
 
 def test_a_calibrated_file_has_the_families_of_its_design(tmp_path: Path) -> None:
@@ -350,8 +351,13 @@ def test_calibrations_are_read_strictly(tmp_path: Path) -> None:
         calibrated(ur5e, write(tmp_path / "d.yaml", degrees))
     with pytest.raises(RobotFileError, match="missing key 'wrist_3'"):
         calibrated(ur5e, write(tmp_path / "m.yaml", {k: UR5E[k] for k in LINKS[:5]}))
-    with pytest.raises(OptionError, match=r"c\.yaml: 'puma560' is another robot"):
-        calibrated(pinsing.load("puma560"), tmp_path / "c.yaml")
+    for other, words in (
+        (pinsing.load("puma560"), r"c\.yaml: 'puma560' is another robot"),
+        (arm, "is itself off one, as after a calibration"),
+        (pinsing.load("panda"), "is for a UR robot"),
+    ):
+        with pytest.raises(OptionError, match=words):
+            calibrated(other, tmp_path / "c.yaml")
     moved = {**UR5E, "wrist_2": (0, -0.0996, 0, 1.62, 0, 0)}
 
     def said(name: str, file: str, *more: str) -> str:
@@ -372,10 +378,6 @@ def test_calibrations_are_read_strictly(tmp_path: Path) -> None:
         assert known_like(loose)[0] == "ur5e"
     ignored = said("ur5e", "c.yaml", "--design", "none")
     assert "the design of the calibration is ignored" in ignored
-    with pytest.raises(OptionError, match="is itself off one, as after a calibration"):
-        calibrated(arm, tmp_path / "c.yaml")
-    with pytest.raises(OptionError, match="is for a UR robot"):
-        calibrated(replace(pinsing.load("panda")), tmp_path / "c.yaml")
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 import copy
 import functools
+import operator
 import re
 
 from pinsing import load
@@ -23,11 +24,15 @@ ARMS = {
 """What is not an arm at its defaults, called by its own name."""
 
 
-@functools.cache
-def _made(name):
-    form = closed_form(load(**ARMS.get(name, {"robot": name})), prove=True)
+def proven(form):
+    """The certificate of a form that has one."""
     assert form.word == "proven", form.proof.reason
     return form.certificate
+
+
+@functools.cache
+def _made(name):
+    return proven(closed_form(load(**ARMS.get(name, {"robot": name})), prove=True))
 
 
 def certificate(name):
@@ -51,13 +56,54 @@ def _sign(text):
     return text.removesuffix(last) + (last[1:] if last.startswith("-") else f"-{last}")
 
 
+def put(data, value, *path):
+    """A copy with a value put at a place."""
+    data = copy.deepcopy(data)
+    *way, last = path
+    functools.reduce(operator.getitem, way, data)[last] = value
+    return data
+
+
+def without(data, *path):
+    """A copy without what is at a place."""
+    data = copy.deepcopy(data)
+    *way, last = path
+    functools.reduce(operator.getitem, way, data).pop(last)
+    return data
+
+
+def other_lengths(data):
+    """Copies with 20 mm more along one axis of a link, and of which."""
+    for i, link in enumerate(data["chain"]):
+        for axis, length in enumerate(link["translation"]):
+            yield (i, axis), put(data, f"{length} 1/50", "chain", i, "translation", axis)
+
+
+def more(data, key, *items):
+    """A copy with more in one of its lists."""
+    return {**data, key: [*data[key], *items]}
+
+
+def case_of(data, wanted):
+    """Place and case of the first (place, case) that is wanted."""
+    places = enumerate(data["places"])
+    every = ((i, k, case) for i, place in places for k, case in enumerate(place["cases"]))
+    return next((i, k) for i, k, case in every if wanted(i, case))
+
+
+def place_of(forms, *cases, **sums):
+    """One place; a case is its one form's number, or a case as it stands."""
+    cases = [[[c], [], 1, "nowhere", 0] if type(c) is int else c for c in cases]
+    none = {"of_forms": [], "of_minors": [], "of_resultants": []}
+    return {"forms": forms, **none, "cases": cases, **sums}
+
+
 def mutants(name, every=True):
     """What is changed, and the certificate with that changed; with ``every`` also what long
     certificates may do without."""
     true = certificate(name)
     for k, family in enumerate(true["families"]):
-        data = certificate(name)
-        data["families"].pop(k)
+        data = without(true, "families", k)
         for place in data["places"]:
             for case in place["cases"]:
                 if case[3] == "family" and case[4] >= k:
@@ -69,51 +115,39 @@ def mutants(name, every=True):
             if len(re.findall("[xy]", text)) > 2 or len(joints) > 1:
                 continue  # no joint's value
             (joint,) = joints
-            data = certificate(name)
             moved = f"100x{joint} 1y{joint}" if "y" in text else f"1x{joint} 1/100y{joint}"
-            data["polynomials"].append(moved)
+            data = put(true, [*true["polynomials"], moved], "polynomials")
             data["families"][k]["forms"][i] = len(data["polynomials"]) - 1
             yield f"family {k} with another value of {text}", data
         if every:
-            data = certificate(name)
-            data["families"][k]["least_codimension"] += 1
-            yield f"family {k} smaller", data
-            data = certificate(name)
-            data["families"][k]["forms"].pop()
-            yield f"family {k} larger", data
+            more = {**family, "least_codimension": family["least_codimension"] + 1}
+            yield f"family {k} smaller", put(true, more, "families", k)
+            yield f"family {k} larger", without(true, "families", k, "forms", -1)
     for i, place in enumerate(true["places"]):
-        for k, case in enumerate(place["cases"]):
-            data = certificate(name)
-            data["places"][i]["cases"].pop(k)
-            yield f"place {i} without case {k}", data
-            for b, other in enumerate(place["cases"][:k]):
+        cases = place["cases"]
+        for k, case in enumerate(cases):
+            yield f"place {i} without case {k}", without(true, "places", i, "cases", k)
+            for b, other in enumerate(cases[:k]):
                 # Where a case is too small whatever comes after it, a place for it is no lie.
                 if case[3:] != other[3:] and "nowhere" not in (case[3], other[3]):
-                    data = certificate(name)
-                    mine = data["places"][i]["cases"]
-                    mine[k][3:], mine[b][3:] = other[3:], case[3:]
+                    swapped = [*cases]
+                    swapped[k], swapped[b] = case[:3] + other[3:], other[:3] + case[3:]
+                    data = put(true, swapped, "places", i, "cases")
                     yield f"place {i} with cases {k} and {b} swapped", data
             if every and case[3] != "nowhere":
-                data = certificate(name)
-                data["places"][i]["cases"][k][3:] = ["nowhere", 0]
+                data = put(true, [*case[:3], "nowhere", 0], "places", i, "cases", k)
                 yield f"place {i} with case {k} nowhere", data
         for key in ("of_forms", "of_minors", "of_resultants") if every else ():
             for k in range(len(place[key])):
-                data = certificate(name)
-                data["places"][i][key].pop(k)
-                yield f"place {i} without number {k} {key}", data
+                yield f"place {i} without number {k} {key}", without(true, "places", i, key, k)
     for k, text in enumerate(true["polynomials"]):
-        data = certificate(name)
-        data["polynomials"][k] = _sign(text)
-        yield f"polynomial {k} with another sign", data
-        data = certificate(name)
-        data["polynomials"][k] = text.replace("x", "z").replace("y", "x").replace("z", "y")
-        yield f"polynomial {k} mirrored", data
+        yield f"polynomial {k} with another sign", put(true, _sign(text), "polynomials", k)
+        mirrored = text.translate({ord("x"): "y", ord("y"): "x"})
+        yield f"polynomial {k} mirrored", put(true, mirrored, "polynomials", k)
     changes = [*(("rank", rank) for rank in range(7)), ("rows", true["rows"][1:])]
     for key, value in [*changes, ("rows", true["rows"][:-1]), ("axes", 40), ("square_roots", [5])]:
         if value != true[key]:
-            yield f"{key} {value}", {**certificate(name), key: value}
-    for i in range(len(true["chain"])):
-        data = certificate(name)
-        data["chain"][i]["rotation"][0][0] += " 1"
-        yield f"link {i} not turned", data
+            yield f"{key} {value}", put(true, value, key)
+    for i, link in enumerate(true["chain"]):
+        turned = link["rotation"][0][0] + " 1"
+        yield f"link {i} not turned", put(true, turned, "chain", i, "rotation", 0, 0)
