@@ -1,5 +1,6 @@
 """The server of a live page against other sites, other users, and tabs that misbehave."""
 
+import contextlib
 import errno
 import json
 import logging
@@ -7,13 +8,12 @@ import os
 import re
 import signal
 import socket
-import struct
 import subprocess
 import sys
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from types import SimpleNamespace
@@ -30,10 +30,10 @@ SECONDS = 120
 KEY = "AAAAAAAAAAAAAAAAAAAAAA=="
 
 
-def served(scene: bytes = b"scene", port: int | None = None) -> Server:
+def served(port: int | None = None) -> Server:
     """A server whose page has come."""
     made = Server("test", port=port)
-    made.fill({}, scene, b"", lambda: {"q": [0.5]})
+    made.fill({}, b"scene", b"", lambda: {"q": [0.5]})
     return made
 
 
@@ -48,25 +48,36 @@ def token(server: Server) -> str:
     return server.url.split("/")[3]
 
 
-def raw(server: Server, path: str, **headers: str) -> tuple[int, str]:
-    """Send a request as given; return its status and the head of the answer."""
-    sent = {
-        "Host": f"127.0.0.1:{server.port}",
-        **{k.replace("_", "-"): v for k, v in headers.items()},
-    }
-    lines = [f"GET {path} HTTP/1.1", *(f"{k}: {v}" for k, v in sent.items()), "", ""]
-    with socket.create_connection(("127.0.0.1", server.port), timeout=5) as link:
-        link.sendall("\r\n".join(lines).encode("latin-1"))
+def linked(server: Server, timeout: float = 5) -> socket.socket:
+    return socket.create_connection(("127.0.0.1", server.port), timeout=timeout)
+
+
+def request(server: Server, path: str, **headers: str) -> bytes:
+    """A request as given, to our host where no other is."""
+    sent = {"Host": f"127.0.0.1:{server.port}", **headers}
+    lines = [f"{k.replace('_', '-')}: {v}" for k, v in sent.items() if v]
+    return "\r\n".join([f"GET {path} HTTP/1.1", *lines, "", ""]).encode("latin-1")
+
+
+def upgrading(server: Server, path: str, **headers: str) -> bytes:
+    """One that asks for a link, as our page does but for some headers."""
+    ours = {"Origin": f"http://127.0.0.1:{server.port}", "Sec_WebSocket_Version": "13"}
+    ours |= {"Upgrade": "websocket", "Connection": "Upgrade", "Sec_WebSocket_Key": KEY}
+    return request(server, path, **ours | headers)
+
+
+def raw(
+    server: Server, path: str, ask: Callable[..., bytes] = request, **headers: str
+) -> tuple[int, str]:
+    """Send a request; return its status and the head of the answer."""
+    with linked(server) as link:
+        link.sendall(ask(server, path, **headers))
         head = link.recv(65536).decode("latin-1")
     return int(head.split()[1]), head.split("\r\n\r\n")[0]
 
 
 def upgrade(server: Server, path: str, **headers: str) -> int:
-    origin = f"http://127.0.0.1:{server.port}"
-    wanted = {"Upgrade": "websocket", "Connection": "Upgrade", "Origin": origin}
-    wanted |= {"Sec-WebSocket-Version": "13", "Sec-WebSocket-Key": KEY}
-    wanted |= {k.replace("_", "-"): v for k, v in headers.items()}
-    return raw(server, path, **{k: v for k, v in wanted.items() if v})[0]
+    return raw(server, path, upgrading, **headers)[0]
 
 
 def test_the_right_page_gets_through(server):
@@ -76,11 +87,10 @@ def test_the_right_page_gets_through(server):
         urllib.request.urlopen(f"http://127.0.0.1:{server.port}/", timeout=SECONDS)
     assert "printed in its terminal" in refused.value.read().decode()
     evil = f"evil.com:{server.port}"
+    headers = {"Host": evil, "Origin": f"http://{evil}"}
     for path in ("/live", f"/{token(server)}/live"):
-        assert upgrade(server, path, Host=evil, Origin=f"http://{evil}") == 403
-        assert (
-            upgrade(server, path, Host=evil, Origin=f"http://{evil}", Sec_Fetch_Site="none") == 403
-        )
+        for more in ({}, {"Sec_Fetch_Site": "none"}):
+            assert upgrade(server, path, **headers, **more) == 403
 
 
 def test_only_our_page_gives_a_file(server: Server) -> None:
@@ -133,11 +143,10 @@ def test_without_the_token_there_is_nothing(server: Server, path: str) -> None:
 
 
 def test_tokens_are_long_and_new_each_time(server: Server) -> None:
-    other = served(b"", port=0)
+    other = served(port=0)
     found = {token(server), token(other), server.framed_url.split("/")[3]}
     other.close()
-    assert len(found) == 3
-    assert all(len(text) >= 32 for text in found)
+    assert [len(text) >= 32 for text in found] == [True] * 3
     wrong = token(server)[:-1] + ("A" if token(server)[-1] != "A" else "B")
     assert raw(server, f"/{wrong}/scene")[0] == 403
 
@@ -151,8 +160,7 @@ def test_headers_keep_the_page_to_itself(server: Server) -> None:
     _, head = raw(server, f"/{token(server)}/")
     assert "connect-src 'self'" in head
     assert "ws:" not in head
-    _, head = raw(server, "/")
-    assert "frame-ancestors 'none'" in head
+    assert "frame-ancestors 'none'" in raw(server, "/")[1]
     framed = server.framed_url.split("/")[3]
     assert "frame-ancestors" not in raw(server, f"/{framed}/")[1]
 
@@ -165,14 +173,11 @@ class Tab:
         if buffer is not None:
             self.link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, buffer)
         self.link.settimeout(10)
-        host = f"127.0.0.1:{server.port}"
         self.link.connect(("127.0.0.1", server.port))
-        lines = [f"GET /{token(server)}/live HTTP/1.1", f"Host: {host}", f"Origin: http://{host}"]
-        lines += ["Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13"]
-        self.link.sendall("\r\n".join([*lines, f"Sec-WebSocket-Key: {KEY}", "", ""]).encode())
+        self.link.sendall(upgrading(server, f"/{token(server)}/live"))
         head = b""
         while not head.endswith(b"\r\n\r\n"):
-            head += self.link.recv(1)
+            head += self.exactly(1)
         assert b"101" in head
 
     def send(self, text: str) -> None:
@@ -182,10 +187,8 @@ class Tab:
     def read(self) -> dict[str, Any]:
         first, size = self.exactly(2)
         assert first == 0x81
-        if size == 126:
-            (size,) = struct.unpack("!H", self.exactly(2))
-        elif size == 127:
-            (size,) = struct.unpack("!Q", self.exactly(8))
+        if size > 125:
+            size = int.from_bytes(self.exactly(2 if size == 126 else 8), "big")
         found: dict[str, Any] = json.loads(self.exactly(size))
         return found
 
@@ -255,7 +258,7 @@ def what_comes(link: socket.socket) -> bytes:
     ids=["long port", "no text", "no form", "TLS"],
 )
 def test_what_is_no_request_leaves_no_line_in_the_log(request_text, server, caplog):
-    with socket.create_connection(("127.0.0.1", server.port), timeout=5) as link:
+    with linked(server) as link:
         link.sendall(request_text.encode("latin-1"))
         assert what_comes(link) in (b"", b"HTTP/1.1 4")
     assert raw(server, f"/{token(server)}/")[0] == 200
@@ -265,7 +268,7 @@ def test_what_is_no_request_leaves_no_line_in_the_log(request_text, server, capl
 def test_links_without_number_are_dropped(monkeypatch: Any, caplog: Any) -> None:
     monkeypatch.setattr("pinsing.view.server._MOST_LINKS", 5)
     server = served()
-    held = [socket.create_connection(("127.0.0.1", server.port), timeout=5) for _ in range(8)]
+    held = [linked(server) for _ in range(8)]
     assert [what_comes(link) for link in held[:3]] == [b""] * 3  # the oldest make room
     for link in held:
         link.close()
@@ -279,11 +282,9 @@ def test_links_without_number_are_dropped(monkeypatch: Any, caplog: Any) -> None
 
 
 HALF = (
-    b"",
-    b"GET /",
-    b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n",
+    b"", b"GET /", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n",
     b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 9\r\n\r\nx",
-)
+)  # fmt: skip
 
 
 def test_half_open_links_lock_nobody_out_and_are_dropped(monkeypatch: Any) -> None:
@@ -293,7 +294,7 @@ def test_half_open_links_lock_nobody_out_and_are_dropped(monkeypatch: Any) -> No
     tab = Tab(server)
     held = []
     for half in HALF * 60:
-        held.append(socket.create_connection(("127.0.0.1", server.port), timeout=10))
+        held.append(linked(server, 10))
         held[-1].sendall(half)
     begun = time.monotonic()
     for _ in range(3):
@@ -367,12 +368,12 @@ def test_a_signal_ends_a_page_with_tabs_open(command, how: signal.Signals) -> No
     children = Path(f"/proc/{page.pid}/task/{page.pid}/children")
     assert not children.exists() or not children.read_text().split()
     tabs = [Tab(there) for _ in range(5)]
-    waiting = socket.create_connection(("127.0.0.1", there.port))
+    waiting = linked(there)
     waiting.sendall(b"GET / HTTP/1.1\r\n")
     page.send_signal(how)
     said = page.communicate(timeout=SECONDS)[1]
     with pytest.raises(ConnectionRefusedError):
-        socket.create_connection(("127.0.0.1", there.port), timeout=5)
+        linked(there)
     if how != signal.SIGKILL:
         assert page.returncode == 0
         assert said.splitlines()[-1] == "pinsing: ended"
@@ -387,10 +388,8 @@ def test_no_port_is_open_but_the_one(command) -> None:
     assert urllib.request.urlopen(there.url).status == 200
     mine = set()
     for entry in Path(f"/proc/{process.pid}/fd").iterdir():
-        try:
+        with contextlib.suppress(OSError):
             mine.add(os.readlink(entry))
-        except OSError:
-            continue
     listening = []
     for table in ("tcp", "tcp6"):
         for line in Path(f"/proc/{process.pid}/net/{table}").read_text().splitlines()[1:]:
@@ -419,10 +418,8 @@ def test_a_page_that_comes_early_waits_for_what_it_shows(monkeypatch: pytest.Mon
 
 def test_a_page_that_waits_is_told_when_nothing_comes() -> None:
     server = Server("early", port=0)
-    with socket.create_connection(("127.0.0.1", server.port), timeout=10) as link:
-        host = f"Host: 127.0.0.1:{server.port}"
-        link.sendall(f"GET /{token(server)}/scene HTTP/1.1\r\n{host}\r\n\r\n".encode())
-        link.settimeout(0.2)
+    with linked(server, 0.2) as link:
+        link.sendall(request(server, f"/{token(server)}/scene"))
         with pytest.raises(TimeoutError):
             link.recv(1)
         server.close()

@@ -9,23 +9,31 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import click
 import meshcat
 import numpy as np
 import pinocchio as pin
 import pytest
 from arms import textbook, ur5
+from chromium import open_page, q_of, text
 from command_line import python, run
+from dh_arms import dh_text
 from links import get
 from pages import baked
+from pinocchio.visualize import MeshcatVisualizer
 from tiers import tiered
 
+import pinsing
+from pinsing.cli import output
+from pinsing.cli.app import main
 from pinsing.errors import ConfigurationError, OptionError, OutputError, UnknownNameError
 from pinsing.families import closed_form
 from pinsing.families.form import coverage_words
 from pinsing.kinematics.jacobian import frame_jacobian, singular_values, tip_placement
 from pinsing.measures import pure_ellipsoids, velocity_ellipsoid
 from pinsing.robot.load import load
-from pinsing.sampling.analyze import analyze
+from pinsing.sampling.analyze import analyze, singular_configurations
+from pinsing.sampling.sweeps import sweep
 from pinsing.view import Viewer, scene
 from pinsing.view.server import is_loopback
 from pinsing.view.trajectory import dropped
@@ -50,33 +58,28 @@ def test_sizes_of_what_is_drawn():
     drawn = scene.drawn_radii(radii, 0.5, reach=1.0)
     assert drawn == pytest.approx([1.0, 0.5, scene.FLATTEST])
     assert radii[2] == 0.0
-    assert scene.drawn_radii(np.zeros(3), 1.0, reach=1.0) == pytest.approx([0, 0, 0])
-    line = np.array([2.0, 0.0, 0.0])
-    assert scene.drawn_radii(line, 0.05, reach=1.0) == pytest.approx(
-        [0.1, scene.LEAST, scene.LEAST]
-    )
-    assert scene.drawn_radii(line, 0.005, reach=1.0) == pytest.approx([0.01, 0.001, 0.001])
-    # One that is no thinner than that is drawn as it is.
-    full = np.array([2.0, 1.0, 0.9])
-    assert scene.drawn_radii(full, 0.05, reach=1.0) == pytest.approx(0.05 * full)
+    for given, scale, expected in (
+        ([0, 0, 0], 1.0, [0, 0, 0]),
+        ([2, 0, 0], 0.05, [0.1, scene.LEAST, scene.LEAST]),
+        ([2, 0, 0], 0.005, [0.01, 0.001, 0.001]),
+        ([2, 1, 0.9], 0.05, [0.1, 0.05, 0.045]),  # no thinner than that: as it is
+    ):
+        drawn = scene.drawn_radii(np.array(given, dtype=float), scale, reach=1.0)
+        assert drawn == pytest.approx(expected)
     arm = textbook("puma560")
     one, two = scene.sizes(arm), scene.sizes(arm, 2.0)
-    assert two.translation == pytest.approx(2 * one.translation)
-    assert two.rotation == pytest.approx(2 * one.rotation)
+    twice = (2 * one.translation, 2 * one.rotation)
+    assert (two.translation, two.rotation) == pytest.approx(twice)
     assert 0.5 < one.reach < 2.5
 
 
 def test_findings_of_a_sweep_are_listed() -> None:
-    from pinsing.sampling.analyze import singular_configurations
-    from pinsing.sampling.sweeps import sweep
-
     arm = textbook("stanford")
     findings = singular_configurations(arm, sweep(arm, levels=1, samples=24))
     entries = finding_entries(arm, findings)
     assert {e.text for e in entries} >= {"q5 = 0", "d3 = 0"}
-    for entry in entries:
-        for q in entry.poses:
-            assert singular_values(arm, q[None])[0, -1] < 1e-9
+    poses = np.concatenate([entry.poses for entry in entries])
+    assert singular_values(arm, poses)[:, -1].max() < 1e-9
     wrist = next(e for e in entries if e.text == "q5 = 0")
     assert wrist.family.distance([0, 1, 0.3, 0, 0.1, 0]).value == pytest.approx(0.1)
 
@@ -89,14 +92,10 @@ def test_the_scene_has_every_node_that_frames_place() -> None:
     assert notes == ()
     paths = {path for path, _ in recorder.commands}
     for j in range(1, arm.model.njoints):
-        assert any(p.startswith(f"/pinsing/arm/{j}/visual/") for p in paths)
-        assert any(p.startswith(f"/pinsing/arm/{j}/bone/") for p in paths)
-        assert any(p.startswith(f"/pinsing/arm/{j}/axis") for p in paths)
-        assert any(p.startswith(f"/pinsing/arm/{j}/hot") for p in paths)
-    for kind in ("translation", "rotation"):
-        assert f"/pinsing/ellipsoid/{kind}/skin" in paths
-    for part in ("arrow/shaft", "ring/ring", "line"):
-        assert f"/pinsing/lost/0/{part}" in paths
+        for part in ("visual/", "bone/", "axis", "hot"):
+            assert any(p.startswith(f"/pinsing/arm/{j}/{part}") for p in paths)
+    assert {f"/pinsing/ellipsoid/{kind}/skin" for kind in ("translation", "rotation")} <= paths
+    assert {f"/pinsing/lost/0/{part}" for part in ("arrow/shaft", "ring/ring", "line")} <= paths
 
 
 UPPER = {"robot": "ur5", "base": "upper_arm_link"}
@@ -106,7 +105,6 @@ UPPER = {"robot": "ur5", "base": "upper_arm_link"}
 def test_links_stand_where_the_whole_robot_has_them(robot: str | dict[str, str]) -> None:
     arm = load(**robot) if isinstance(robot, dict) else load(robot)
     links = scene.read_links(arm)
-    assert links.geometry is not None
     whole = pin.buildGeomFromUrdfString(arm.source.full_model, arm.source.xml, pin.VISUAL)
     q = np.random.default_rng(2).uniform(*arm.span)
     full, full_geometry = arm.source.full_model.createData(), whole.createData()
@@ -123,9 +121,7 @@ def test_links_stand_where_the_whole_robot_has_them(robot: str | dict[str, str])
 
 @pytest.mark.slow
 @pytest.mark.parametrize("file", ["package://nowhere/a.dae", "bad.stl"])
-def test_a_mesh_that_is_missing_or_broken_is_told_and_bones_stand_for_it(
-    file, write_urdf, tmp_path
-):
+def test_bones_stand_for_a_mesh_that_is_missing_or_broken(file, write_urdf, tmp_path):
     (tmp_path / "bad.stl").write_bytes(b"this is not a mesh")
     mesh = (
         f'<link name="extra"><visual><geometry><mesh filename="{file}"/></geometry></visual></link>'
@@ -190,8 +186,6 @@ def test_the_static_page_is_whole_and_escapes_names() -> None:
 
 
 def test_next_to_a_users_own_visualizer() -> None:
-    from pinocchio.visualize import MeshcatVisualizer
-
     arm = ur5()
     sent: list[dict[str, Any]] = []
     window = SimpleNamespace(send=lambda command: sent.append(command.lower()))
@@ -201,18 +195,14 @@ def test_next_to_a_users_own_visualizer() -> None:
     viewer = Viewer(arm, visualizer=visualizer)
     sent.clear()
     viewer.show_family("F2")
-    moved = {c["path"]: c for c in sent}
-    assert moved["/pinsing/ellipsoid/translation"]["type"] == "set_transform"
-    tip = np.reshape(moved["/pinsing/tip"]["matrix"], (4, 4)).T[:3, 3]
-    np.testing.assert_allclose(tip, tip_placement(arm, viewer.q).translation, atol=1e-9)
-    link = np.reshape(moved["/pinsing/arm/6"]["matrix"], (4, 4)).T[:3, 3]
-    np.testing.assert_allclose(visualizer.data.oMi[6].translation, link, atol=1e-9)
-    J, shown = frame_jacobian(arm, viewer.q), moved["/pinsing/ellipsoid/translation"]["matrix"]
-    (ellipsoid, _), scale = pure_ellipsoids(J), scene.sizes(arm)
-    drawn = np.linalg.norm(np.reshape(shown, (4, 4)), axis=1)[:3]
-    np.testing.assert_allclose(
-        drawn, scene.drawn_radii(ellipsoid.radii, scale.translation, scale.reach), rtol=1e-6
-    )
+    places = ("tip", "arm/6", "ellipsoid/translation")
+    moved = {c["path"]: np.reshape(c["matrix"], (4, 4)).T for c in sent if "matrix" in c}
+    tip, link, shown = (moved[f"/pinsing/{path}"] for path in places)
+    np.testing.assert_allclose(tip[:3, 3], tip_placement(arm, viewer.q).translation, atol=1e-9)
+    np.testing.assert_allclose(visualizer.data.oMi[6].translation, link[:3, 3], atol=1e-9)
+    (ellipsoid, _), scale = pure_ellipsoids(frame_jacobian(arm, viewer.q)), scene.sizes(arm)
+    expected = scene.drawn_radii(ellipsoid.radii, scale.translation, scale.reach)
+    np.testing.assert_allclose(np.linalg.norm(shown[:, :3], axis=0), expected, rtol=1e-6)
     assert viewer._server is None
     with pytest.raises(OptionError, match="initViewer"):
         Viewer(arm, visualizer=object())
@@ -226,21 +216,18 @@ def live() -> Any:
 
 
 def test_the_page_is_served_to_itself_alone(live):
+    server = live._server
     for part in ("", "begin.js", "page.css", "page.js", "meshcat.js", "page.json", "scene"):
         status, body = get(live.url + part)
         assert status == 200
         assert body
     assert get(live.url + "nothing")[0] == 404
     assert get(live.url + "../pyproject.toml")[0] == 403
-    assert get(live.url + "page.json", Host=f"localhost:{live._server.port}")[0] == 200
-    server = live._server
+    assert get(live.url + "page.json", Host=f"localhost:{server.port}")[0] == 200
     assert {s.getsockname()[0] for s in server._sockets} == {"127.0.0.1"}
-    assert is_loopback("127.0.0.1")
-    assert is_loopback("localhost")
-    assert is_loopback("::1")
-    assert not is_loopback("0.0.0.0")
-    assert not is_loopback("192.168.1.2")
-    framed = live._server.framed_url
+    hosts = ("127.0.0.1", "localhost", "::1", "0.0.0.0", "192.168.1.2")
+    assert [is_loopback(host) for host in hosts] == [True] * 3 + [False] * 2
+    framed = server.framed_url
     assert framed != live.url
     assert f'src="{framed}"' in live.jupyter_cell(height=300, live=True).data
     assert get(framed)[0] == 200
@@ -258,24 +245,27 @@ def test_a_viewer_brings_nothing_that_a_browser_would_wait_for_in_vain() -> None
     python("-c", code, cwd=root, check=True)
 
 
+def port_of(url: str) -> int:
+    return int(url.split(":")[2].split("/")[0])
+
+
 def test_a_taken_port_is_passed_over_or_told() -> None:
     arm = textbook("scara")
     with Viewer(arm, skeleton=True) as one, Viewer(arm, skeleton=True) as two:
         assert one.url != two.url
-        port = int(one.url.split(":")[2].split("/")[0])
         assert get(two.url)[0] == 200
-        with (
-            Viewer(arm, skeleton=True, port=port) as third,
-            pytest.raises(OptionError, match=str(port)),
-        ):
-            third.url  # noqa: B018
-    with pytest.raises(OptionError, match="address"):
-        Viewer(arm, skeleton=True, host="no.such.host.invalid").url  # noqa: B018
+        port = port_of(one.url)
+        for options, words in (({"port": port}, str(port)), ({"host": "no.invalid"}, "address")):
+            with (
+                Viewer(arm, skeleton=True, **options) as third,
+                pytest.raises(OptionError, match=words),
+            ):
+                third.url  # noqa: B018
 
 
 def test_close_gives_the_port_back() -> None:
     viewer = Viewer(textbook("scara"), skeleton=True)
-    port = int(viewer.url.split(":")[2].split("/")[0])
+    port = port_of(viewer.url)
     viewer.close()
     viewer.close()
     with socket.socket() as again:
@@ -296,15 +286,10 @@ def test_ctrl_c_between_the_address_and_the_page(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A page answers before its command has gone on, and warns: it may be ended there."""
-    import click
-
-    from pinsing.cli import output
-    from pinsing.cli.app import main
 
     def interrupted(text: str, err: bool = False) -> None:
         if not err:
-            port = int(text.split(":")[2].split("/")[0])
-            socket.create_connection(("127.0.0.1", port), timeout=5).close()
+            socket.create_connection(("127.0.0.1", port_of(text)), timeout=5).close()
             raise KeyboardInterrupt
         click.echo(text, err=True)
 
@@ -318,42 +303,32 @@ def test_ctrl_c_between_the_address_and_the_page(
 
 @pytest.mark.parametrize("what", ["check", pytest.param("analysis", marks=pytest.mark.slow)])
 def test_every_page_says_how_complete_its_list_is(tmp_path: Path, what: str) -> None:
-
     page, given = tmp_path / "page.html", tmp_path / "given"
     if what == "check":
         given.write_text("0,0.1,0.2\n0.1,0.3,0.9\n")
-        words = ["check", "planar3r", str(given)]
+        words = ["check", "planar3r", given]
     else:
         given.write_text(analyze(load("planar3r")).to_json())
-        words = ["view", "planar3r", "--analysis", str(given), "--skeleton"]
-    result = run(*words, "-o", str(page))
+        words = ["view", "planar3r", "--analysis", given, "--skeleton"]
+    result = run(*words, "-o", page)
     assert result.exit_code == 0, result.output
     words = ("Proven", "Probable")[: 1 + (what != "analysis")]  # an analysis has a certificate
     assert baked(page.read_text())["coverage"].startswith(words)
 
 
 def test_a_saved_analysis_is_shown(tmp_path: Path) -> None:
-    from click.testing import CliRunner
-
-    from pinsing.cli.show import view_command
-
     found = closed_form(load("scara"))
     saved = tmp_path / "scara.json"
     saved.write_text(found.to_json())
     page = tmp_path / "page.html"
-    result = CliRunner().invoke(
-        view_command, ["scara", "--analysis", str(saved), "-o", str(page), "--skeleton"]
-    )
+    words = ("--analysis", saved, "-o", page, "--skeleton")
+    result = run("view", "scara", *words)
     assert result.exit_code == 0, result.output
     assert page.stat().st_size > 800_000
     assert baked(page.read_text())["coverage"] == coverage_words(found)
-    result = CliRunner().invoke(
-        view_command, ["stanford", "--analysis", str(saved), "-o", str(page)]
-    )
-    assert "not of this arm" in str(result.exception)
+    assert "not of this arm" in run("view", "stanford", *words).stderr
     saved.write_text("{")
-    result = CliRunner().invoke(view_command, ["scara", "--analysis", str(saved)])
-    assert "not JSON" in str(result.exception)
+    assert "not JSON" in run("view", "scara", *words).stderr
 
 
 def test_a_picture_without_a_browser_says_what_is_missing(tmp_path, monkeypatch):
@@ -382,3 +357,77 @@ def test_a_dropped_file_that_cannot_be_read_says_why(name: str, content: bytes, 
     assert list(answer) == ["error"]
     assert said in answer["error"]
     assert "/tmp" not in answer["error"]
+
+
+@pytest.fixture(scope="module")
+def cuspidal(tmp_path_factory):
+    """A cuspidal arm, at a pose with four solutions in two aspects."""
+    path = tmp_path_factory.mktemp("arm") / "wenger.dh.yaml"
+    path.write_text(dh_text([(-90, 1, 0), (90, 2, 1), (0, 1.5, 0)]))
+    arm = pinsing.load(path, task="position")
+    form = pinsing.closed_form(arm)
+    q = [-1.37973247, -0.09304785, 3.02056091]
+    found = pinsing.posture_changes(arm, q, forms=form, limits=False)
+    assert len(found.others) == 3
+    assert any(o.connection and o.connection.same for o in found.others)
+    return path, arm, form, found
+
+
+@pytest.mark.slow
+def test_ways_of_the_page_are_those_found(cuspidal):
+    _, arm, form, found = cuspidal
+    with pinsing.Viewer(arm, form.families, postures=found, skeleton=True) as viewer:
+        listed = viewer._page(False)["postures"]
+        assert viewer._start() == {"q": found.q.tolist(), "entry": None, "pose": 0}
+    assert len(listed) == 4
+    assert np.array_equal(listed[0]["q"], found.q)
+    ways = [p for p in listed if p["way"]]
+    assert ways
+    for shown in ways:
+        way = np.array(shown["way"])
+        assert np.array_equal(way[0], found.q)
+        assert np.abs(arm.space.wrap(way[-1] - np.array(shown["q"]))).max() < 1e-9
+        assert "without a singularity" in shown["more"]
+        assert np.min(pinsing.clearance(form, way).lower) > 0
+    assert sum("only by way of a singularity, proven" in p["more"] for p in listed) == 2
+
+
+@pytest.mark.slow
+def test_a_click_plays_the_way_to_a_posture(page: Any, cuspidal: Any) -> None:
+    _, arm, form, found = cuspidal
+    page.emulate_media(reduced_motion="reduce")  # its end at once
+    with pinsing.Viewer(arm, form.families, postures=found, skeleton=True) as viewer:
+        listed = viewer._page(False)["postures"]
+        open_page(page, viewer.url)
+        assert page.locator("#postures > li").count() == 4
+        assert text(page, "#postures-count") == "(4)"
+        for k in (next(i for i, p in enumerate(listed) if p["way"]), 3):
+            page.locator("#postures > li button").nth(k).click()
+            assert page.locator("#postures > li.chosen").count() == 1
+            q = q_of(page)
+            assert np.abs(arm.space.wrap(q - np.array(listed[k]["q"]))).max() < 1e-9
+            assert f"posture {k + 1}" in text(page, "#playing")
+            last = int(page.locator("#scrub").get_attribute("max") or 0)
+            assert (last > 50) == (listed[k]["way"] is not None)
+
+
+def test_the_command_writes_a_page(cuspidal, tmp_path):
+    path, _, _, found = cuspidal
+    out = tmp_path / "a.html"
+    q = ",".join(map(repr, map(float, found.q)))
+    words = ["postures", path, "--task", "position", "--ignore-limits", f"--q={q}"]
+    done = run(*words, "-o", out)
+    assert done.exit_code == 0, done.output
+    assert out.stat().st_size > 100_000
+    shown = baked(out.read_text(encoding="utf-8"))
+    assert shown["coverage"].startswith(("Proven", "Probable", "NOT"))
+
+
+@pytest.mark.slow
+def test_the_page_has_the_statement_of_a_long_equation() -> None:
+    arm = load("panda")
+    page = Viewer(arm, skeleton=True)._page(live=False)
+    (said,) = [e["solved"] for e in page["entries"] if e["solved"]]
+    assert said[0]["condition"].startswith("R cos(q3")
+    assert said[0]["solution"].startswith("q3 = ")
+    assert [name for name, _ in said[0]["where"]] == ["R cos \u03c6", "R sin \u03c6"]
