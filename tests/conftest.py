@@ -8,7 +8,7 @@ import inspect
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,6 @@ sys.dont_write_bytecode = False
 
 import click.testing  # noqa: E402
 import numpy as np  # noqa: E402
-import pinocchio as pin  # noqa: E402
 import pytest  # noqa: E402
 from hypothesis import HealthCheck, settings  # noqa: E402
 from hypothesis.internal.conjecture import providers  # noqa: E402
@@ -168,9 +167,6 @@ if version("click").startswith("8.1."):  # later ones always keep standard error
 
     click.testing.CliRunner = _Runner  # type: ignore[misc]
 
-WriteUrdf = Callable[..., Path]
-MakeModel = Callable[..., pin.Model]
-
 
 @pytest.fixture(autouse=True)
 def _no_figure_stays() -> Iterator[None]:
@@ -187,33 +183,16 @@ def rng() -> np.random.Generator:
 
 
 @pytest.fixture
-def write_urdf(tmp_path: Path) -> WriteUrdf:
-    """Write a URDF of a serial chain: joints as ``(type, extra XML)``, links ``l0``, ``l1``, ..."""
+def write_urdf(tmp_path: Path) -> Callable[..., Path]:
+    """Write the URDF of a serial chain."""
+    from urdf_texts import chain_text
 
-    def write(
-        joints: Sequence[tuple[str, str]],
-        names: Sequence[str] | None = None,
-        more: str = "",
-        name: str = "robot.urdf",
-    ) -> Path:
-        names = names or [f"j{i + 1}" for i in range(len(joints))]
-        text = ['<robot name="test"><link name="l0"/>']
-        for i, ((kind, inside), joint) in enumerate(zip(joints, names, strict=True)):
-            text.append(f'<link name="l{i + 1}"/><joint name="{joint}" type="{kind}">')
-            text.append(f'<parent link="l{i}"/><child link="l{i + 1}"/>{inside}</joint>')
-        path = tmp_path / name
-        path.write_text("\n".join([*text, more, "</robot>"]))
+    def write(*given: Any, **more: Any) -> Path:
+        path = tmp_path / "robot.urdf"
+        path.write_text(chain_text(*given, **more))
         return path
 
     return write
-
-
-@pytest.fixture
-def make_model() -> MakeModel:
-    """Build a pin.Model of a serial chain out of ``(joint model, placement)`` pairs."""
-    from arms import serial
-
-    return serial
 
 
 @pytest.fixture(scope="module")
@@ -265,3 +244,18 @@ def read(tmp_path: Path) -> Callable[..., Any]:
         return read_description(file, **options)
 
     return write_and_read
+
+
+@pytest.fixture
+def refused(read: Callable[..., Any], tmp_path: Path) -> Callable[..., Any]:
+    """Read one that must be refused: the error, which is one line about that file."""
+    from pinsing.errors import RobotFileError
+
+    def read_and_fail(text: str | bytes, name: str = "arm.urdf", **options: Any) -> Any:
+        with pytest.raises(RobotFileError) as caught:
+            read(text, name, **options)
+        assert str(caught.value).startswith(str(tmp_path / name))
+        assert "\n" not in str(caught.value)
+        return caught.value
+
+    return read_and_fail

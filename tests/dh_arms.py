@@ -22,6 +22,16 @@ HOLLOW = [(90, 0, 0.5), (0, 0.43, 0), (-90, 0.02, 0.15), (60, 0, 0.43), (-60, 0,
 """Of twists that are no quarter turns: without its last row."""
 
 
+def row_matrix(convention: str, alpha: float, a: float, d: float, theta: float) -> np.ndarray:
+    """A row as textbooks have it, (4, 4)."""
+    ct, st, ca, sa = np.cos(theta), np.sin(theta), np.cos(alpha), np.sin(alpha)
+    if convention == "standard":  # Paul 1981
+        rows = [ct, -st * ca, st * sa, a * ct], [st, ct * ca, -ct * sa, a * st], [0, sa, ca, d]
+    else:  # Craig 1986, Eq. (3.6)
+        rows = [ct, -st, 0, a], [st * ca, ct * ca, -sa, -sa * d], [st * sa, ct * sa, ca, ca * d]
+    return np.array([*rows, [0, 0, 0, 1]])
+
+
 def dh_text(rows, limits=(-180, 180), convention="standard", name="made"):
     """The table of some rows, which may have limits of their own; slides go from -1 to 1 m."""
     text = f"name: {name}\nconvention: {convention}\nunits: {{angle: deg, length: m}}\nrows:\n"

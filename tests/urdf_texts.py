@@ -1,5 +1,7 @@
 """URDF texts for the tests: one good arm of three links, with one place to put a defect."""
 
+from collections.abc import Iterable
+from itertools import zip_longest
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -26,6 +28,16 @@ def robot(*joints: str, links: str = "abc", extra: str = "", head: str = 'name="
     return f"<robot {head}>\n{body}\n\n{first}\n{tested}\n{extra}</robot>\n"
 
 
+def chain_text(joints: Iterable[tuple[str, str]], names: Iterable[str] = (), more: str = "") -> str:
+    """Return a URDF of a chain: joints as (type, what is inside), links l0, l1, ..."""
+    rows = zip_longest(joints, names)
+    parts = [
+        f'<link name="l{i}"/>' + joint(name or f"j{i}", f"l{i - 1}", f"l{i}", kind, inner)
+        for i, ((kind, inner), name) in enumerate(rows, 1)
+    ]
+    return "\n".join(['<robot name="test"><link name="l0"/>', *parts, more, "</robot>"])
+
+
 def make_package(tmp_path: Path) -> Path:
     """A package with a mesh and a folder for its URDF, beside a secret that is no part of it."""
     folder = tmp_path / "ws" / "arm_description"
@@ -49,3 +61,10 @@ def named(name: str, inner: str = UPRIGHT) -> str:
     joints = [joint(f"{said} {i}", links[i], links[i + 1], inner=inner) for i in range(3)]
     body = "".join(f'<link name="{link}"/>' for link in links)
     return f'<robot name="{said}">{body}{"".join(joints)}</robot>'
+
+
+def drawn(*meshes: object, texture: str = "") -> str:
+    """Return a URDF of three links, the first of which is drawn as meshes."""
+    material = f'<material name="m"><texture filename="{texture}"/></material>' if texture else ""
+    visual = f'<visual><geometry><mesh filename="{{}}"/></geometry>{material}</visual>'
+    return robot(links="bc", extra=f'<link name="a">{"".join(map(visual.format, meshes))}</link>')

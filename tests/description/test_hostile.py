@@ -12,8 +12,9 @@ from xml.sax.saxutils import quoteattr
 
 import pinocchio as pin
 import pytest
+from arms import serial
 from command_line import python, run
-from urdf_texts import LIMIT, XACRO, joint, make_package, robot
+from urdf_texts import XACRO, drawn, joint, make_package, named as all_named, robot
 
 from pinsing import Viewer, analyze, closed_form, load
 from pinsing.description.urdf import read_description
@@ -77,12 +78,10 @@ def test_yaml_bombs_objects_and_sizes(tmp_path):
 
 def page_of(arm) -> bytes:
     """All that a static page of an arm holds, unpacked."""
-    viewer = Viewer(arm, families=())
-    text = viewer.html()
-    viewer.close()
-    parts = [text.encode()]
-    for packed in re.findall(r'type="application/octet-stream">([^<]*)<', text):
-        parts.append(gzip.decompress(base64.b64decode(packed)))
+    with Viewer(arm, families=()) as viewer:
+        text = viewer.html()
+    packed = re.findall(r'type="application/octet-stream">([^<]*)<', text)
+    parts = [text.encode(), *(gzip.decompress(base64.b64decode(part)) for part in packed)]
     assert len(parts) == 4  # the text; the skeleton, its start, and the meshes, packed
     return b"\n".join(parts)
 
@@ -101,11 +100,9 @@ def package(tmp_path) -> Path:
     return folder
 
 
-def drawn(package: Path, mesh: str, texture: str = "") -> Path:
-    material = f'<material name="m"><texture filename="{texture}"/></material>' if texture else ""
-    visual = f'<visual><geometry><mesh filename="{mesh}"/></geometry>{material}</visual>'
+def with_mesh(package: Path, mesh: str, texture: str = "") -> Path:
     path = package / "urdf" / "arm.urdf"
-    path.write_text(robot(links="ab", extra=f'<link name="c">{visual}</link>'))
+    path.write_text(drawn(mesh, texture=texture))
     return path
 
 
@@ -122,7 +119,7 @@ def drawn(package: Path, mesh: str, texture: str = "") -> Path:
     ],
 )  # fmt: skip
 def test_meshes_from_elsewhere_are_in_no_page(address, package, tmp_path):
-    arm = load(drawn(package, address.format(tmp_path)))
+    arm = load(with_mesh(package, address.format(tmp_path)))
     assert "mesh filename" not in arm.source.xml
     said = arm.source.mesh_notes
     assert any("not opened" in note or "not found" in note for note in said)
@@ -131,10 +128,10 @@ def test_meshes_from_elsewhere_are_in_no_page(address, package, tmp_path):
 
 
 def test_a_good_mesh_is_in_the_page(package, tmp_path):
-    arm = load(drawn(package, "package://arm_description/meshes/a.stl"))
+    arm = load(with_mesh(package, "package://arm_description/meshes/a.stl"))
     assert "mesh filename" in arm.source.xml
-    assert len(page_of(arm)) > len(page_of(load(drawn(package, "nope.stl"))))
-    path = drawn(package, "package://arm_description/meshes/a.stl", f"{tmp_path}/secret.png")
+    assert len(page_of(arm)) > len(page_of(load(with_mesh(package, "nope.stl"))))
+    path = with_mesh(package, "package://arm_description/meshes/a.stl", f"{tmp_path}/secret.png")
     assert "secret" not in read_description(path).xml
 
 
@@ -151,7 +148,7 @@ def test_images_that_a_mesh_refers_to_are_judged_as_well(image, taken, package, 
     """The viewer embeds them: a Collada file may not reach for what the URDF may not."""
     (package / "meshes" / "image.png").write_bytes(b"\x89PNG an image of the robot's own")
     (package / "meshes" / "a.dae").write_text(DAE.format(image.format(tmp_path)))
-    found = read_description(drawn(package, "package://arm_description/meshes/a.dae"))
+    found = read_description(with_mesh(package, "package://arm_description/meshes/a.dae"))
     assert ("mesh filename" in found.xml) == taken
     if not taken:
         assert any("not opened" in note and "refers to a file" in note for note in found.notes)
@@ -164,7 +161,7 @@ def test_a_mesh_that_cannot_be_judged_is_not_opened(package):
     other = DAE.format("/etc/passwd").encode("utf-16")
     for data in (entities.encode(), DAE.format("a.png").encode()[:-10], other):
         (package / "meshes" / "a.dae").write_bytes(data)
-        found = read_description(drawn(package, "package://arm_description/meshes/a.dae"))
+        found = read_description(with_mesh(package, "package://arm_description/meshes/a.dae"))
         assert "mesh filename" not in found.xml
 
 
@@ -178,16 +175,8 @@ NAMES = {
 @pytest.fixture(params=NAMES)
 def named(request, tmp_path) -> tuple[str, Path]:
     """A robot all of whose names are hostile."""
-    name = NAMES[request.param]
-    said = quoteattr(name, {'"': "&quot;"})[1:-1]
-    pose = '<origin xyz="0 0 0.5" rpy="1.5707963267948966 0 0"/><axis xyz="0 0 1"/>' + LIMIT
-    links = [f"{said} link {i}" for i in range(4)]
-    body = "".join(f'<link name="{link}"/>' for link in links)
-    joints = "".join(
-        joint(f"{said} {i}", links[i], links[i + 1], inner=pose) for i in range(len(links) - 1)
-    )
-    path = tmp_path / "arm.urdf"
-    path.write_text(f'<robot name="{said}">{body}{joints}</robot>', encoding="utf-8")
+    name, path = NAMES[request.param], tmp_path / "arm.urdf"
+    path.write_text(all_named(name), encoding="utf-8")
     return name, path
 
 
@@ -276,8 +265,8 @@ def test_letters_that_no_font_here_has_are_one_note(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["one\ntwo", "a\tb", "\x1b[31mred", "\x1b]0;title\x07", "\x9b31m"])
-def test_control_characters_of_a_model_are_refused(name, make_model):
-    model = make_model([(pin.JointModelRZ(), pin.SE3.Random())])
+def test_control_characters_of_a_model_are_refused(name):
+    model = serial([(pin.JointModelRZ(), pin.SE3.Random())])
     model.names[1] = name
     with pytest.raises(PinsingError, match="control character") as caught:
         load(model)

@@ -9,8 +9,7 @@ import itertools
 
 import numpy as np
 import pytest
-from dh_arms import CRX as CRX_ROWS, arm_of, dh_arm
-from dh_reference import row_matrix
+from dh_arms import CRX as CRX_ROWS, arm_of, dh_arm, row_matrix
 from tiers import sampled, tiered, tiered_rows
 
 import pinsing

@@ -8,7 +8,7 @@ import arms
 import numpy as np
 import pinocchio as pin
 import pytest
-from arms import CATALOGUE, differences, draw, pinocchio_jacobian
+from arms import CATALOGUE, differences, draw, pinocchio_jacobian, serial
 from command_line import run
 from dh_arms import dh_arm
 from kernel import needs_kernel
@@ -116,11 +116,11 @@ def test_generic_rank(robot, task, r):
     assert kinematics.singular_values(arm, np.full((2, arm.n), 0.3)).shape == (2, r)
 
 
-def test_generic_rank_is_of_the_nominal_geometry(make_model):
+def test_generic_rank_is_of_the_nominal_geometry():
     """Axes parallel but for a rounded angle: the third direction is a rounding error."""
     tilt = pin.SE3(pin.utils.rotate("x", 2e-6), np.array([0.5, 0.0, 0.0]))
     straight = pin.SE3(np.eye(3), np.array([0.5, 0.0, 0.0]))
-    model = make_model(
+    model = serial(
         [(pin.JointModelRZ(), p) for p in (pin.SE3.Identity(), tilt, straight, tilt)], straight
     )
     arm = pinsing.load(model, tip="tip")

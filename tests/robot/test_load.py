@@ -11,7 +11,7 @@ import pytest
 from arms import draw, place, serial
 from pinocchio.robot_wrapper import RobotWrapper
 from tiers import sampled
-from urdf_texts import LIMIT, XACRO, robot
+from urdf_texts import LIMIT, XACRO, chain_text, robot
 
 import pinsing
 from pinsing.description.catalog import find_robot
@@ -135,8 +135,8 @@ def test_chosen_joints():
     [pin.JointModelSpherical(), pin.JointModelPlanar(), pin.JointModelTranslation()],
     ids=str,
 )
-def test_many_degrees_of_freedom_in_the_chain_are_refused(make_model, joint):
-    model = make_model(
+def test_many_degrees_of_freedom_in_the_chain_are_refused(joint):
+    model = serial(
         [(pin.JointModelRZ(), STEP), (joint, STEP), (pin.JointModelRX(), STEP)], lower=-1, upper=1
     )
     with pytest.raises(JointError, match=r"'j2'.*degrees of freedom") as caught:
@@ -168,8 +168,8 @@ def test_joints_of_a_model_that_no_arm_can_have(joint, limits, at, message):
     assert caught.value.joint == "j2"
 
 
-def test_no_limits_and_no_width(make_model):
-    model = make_model([(pin.JointModelRX(), STEP), (pin.JointModelRZ(), STEP)])
+def test_no_limits_and_no_width():
+    model = serial([(pin.JointModelRX(), STEP), (pin.JointModelRZ(), STEP)])
     model.lowerPositionLimit[0], model.upperPositionLimit[0] = -np.inf, np.inf
     model.lowerPositionLimit[1] = model.upperPositionLimit[1] = 0.5
     arm = load(model, tip="tip")
@@ -177,7 +177,7 @@ def test_no_limits_and_no_width(make_model):
     assert noted(arm, "WARNING", "j2", "cannot move")
     assert arm.lower.tolist() == [-np.inf, 0.5]
     assert arm.span[0].tolist() == pytest.approx([-np.pi, 0.5])
-    model = make_model([(pin.JointModelRZ(), STEP), (pin.JointModelRX(), STEP)], STEP)
+    model = serial([(pin.JointModelRZ(), STEP), (pin.JointModelRX(), STEP)], STEP)
     model.addFrame(pin.Frame("j1", 2, 0, STEP, pin.FrameType.OP_FRAME))  # j1 is a joint's as well
     arm = load(model, tip="j1")
     assert (arm.joints, arm.model.frames[arm.tip_id].parentJoint) == (("j1", "j2"), 2)
@@ -207,10 +207,10 @@ def test_models_that_pinocchio_reduced():
     np.testing.assert_allclose(frame_jacobian(reduced, np.ones(5)), J, atol=1e-12)
 
 
-def test_degrees_and_millimetres_of_a_file_are_doubted(make_model):
+def test_degrees_and_millimetres_of_a_file_are_doubted():
     def said(length: float, high: float) -> str:
         joints = [(pin.JointModelRZ(), STEP), (pin.JointModelRY(), place((length, 0, 0)))]
-        model = make_model(joints, upper=high)
+        model = serial(joints, upper=high)
         return "; ".join(n for n in load(model).notes if "WARNING" in n)
 
     assert not said(0.4, 4.0)
@@ -218,38 +218,35 @@ def test_degrees_and_millimetres_of_a_file_are_doubted(make_model):
     assert "400 m in a row: are they millimetres?" in said(400.0, 4.0)
 
 
-def test_link_and_joint_of_one_name(write_urdf, rng):
+def test_link_and_joint_of_one_name(rng):
     """The link is meant; and locking a joint whose name a link bears must work."""
     joints = [("revolute", turning(a)) for a in ("0 0 1", "0 1 0", "1 0 0", "0 1 0", "0 0 1")]
-    path = write_urdf(joints, names=["l1", "l2", "l3", "l4", "l5"])
-    arm = load(path)
-    assert arm.tip == "l5"
-    part = load(path, tip="l4", joints=["l2", "l3"])
+    text = chain_text(joints, ["l1", "l2", "l3", "l4", "l5"])
+    assert load(text).tip == "l5"
+    part = load(text, tip="l4", joints=["l2", "l3"])
     q = draw(part, rng, 1)[0]
-    full = load(path, tip="l4")
+    full = load(text, tip="l4")
     expected = frame_jacobian(full, [0, *q, 0])[:, 1:3]
     np.testing.assert_allclose(frame_jacobian(part, q), expected, atol=1e-12)
 
 
-@pytest.fixture
-def palletizer(write_urdf):
-    """The hand stays level: its joint undoes those of shoulder and elbow, by way of another."""
-    return write_urdf([
-        ("revolute", turning("0 0 1", xyz="0 0 0.3")),
-        ("revolute", turning("0 1 0", xyz="0.1 0 0.2")),
-        ("revolute", turning("0 1 0", xyz="0 0 0.6")),
-        ("revolute", turning("0 1 0", more='<mimic joint="j3" multiplier="-0.5" offset="0.2"/>')),
-        ("revolute", turning("0 0 1", xyz="0.1 0 0")),
-        ("prismatic", turning("0 0 1", more='<mimic joint="j4" multiplier="0.1" offset="0.05"/>')),
-        ("revolute", turning("1 0 0")),
-    ])  # fmt: skip
+# The hand stays level: its joint undoes those of shoulder and elbow, by way of another.
+PALLETIZER = chain_text([
+    ("revolute", turning("0 0 1", xyz="0 0 0.3")),
+    ("revolute", turning("0 1 0", xyz="0.1 0 0.2")),
+    ("revolute", turning("0 1 0", xyz="0 0 0.6")),
+    ("revolute", turning("0 1 0", more='<mimic joint="j3" multiplier="-0.5" offset="0.2"/>')),
+    ("revolute", turning("0 0 1", xyz="0.1 0 0")),
+    ("prismatic", turning("0 0 1", more='<mimic joint="j4" multiplier="0.1" offset="0.05"/>')),
+    ("revolute", turning("1 0 0")),
+])  # fmt: skip
 
 
-def test_mimic_joints_of_the_chain_follow(palletizer, rng):
-    arm = load(palletizer)
+def test_mimic_joints_of_the_chain_follow(rng):
+    arm = load(PALLETIZER)
     assert (arm.joints, arm.prismatic.tolist()) == (("j1", "j2", "j3", "j5", "j7"), [False] * 5)
     assert noted(arm, "mimic", "j4 = -0.5 * j3 + 0.2", "j6 = -0.05 * j3 + 0.07")
-    model = pin.buildModelFromUrdf(str(palletizer))
+    model = pin.buildModelFromXML(PALLETIZER)
     data = model.createData()
     tip = model.getFrameId("l7")
     for q in draw(arm, rng, 5):
@@ -265,49 +262,49 @@ def test_mimic_joints_of_the_chain_follow(palletizer, rng):
         np.testing.assert_allclose(frame_jacobian(arm, q), J, atol=1e-12)
 
 
-def test_limits_of_a_leader_keep_its_followers_inside(write_urdf):
+def test_limits_of_a_leader_keep_its_followers_inside():
     narrow = '<limit lower="-0.3" upper="0.4" effort="1" velocity="1"/>'
     joints = [
         ("revolute", turning()),
         ("revolute", turning(limit=narrow, more='<mimic joint="j1" multiplier="-0.5"/>')),
     ]
-    arm = load(write_urdf(joints))
+    arm = load(chain_text(joints))
     assert (arm.lower[0], arm.upper[0]) == pytest.approx((-0.8, 0.6))
     apart = '<limit lower="1.5" upper="1.9" effort="1" velocity="1"/>'
     joints[1] = ("revolute", turning(limit=apart, more='<mimic joint="j1" multiplier="0.1"/>'))
     with pytest.raises(JointError, match="'j2': cannot follow 'j1'"):
-        load(write_urdf(joints))
+        load(chain_text(joints))
 
 
-def test_a_follower_comes_along_with_its_chosen_leader(palletizer):
-    arm = load(palletizer, tip="l7", joints=["j3"])
+def test_a_follower_comes_along_with_its_chosen_leader():
+    arm = load(PALLETIZER, tip="l7", joints=["j3"])
     assert (arm.joints, arm.model.nv) == (("j3",), 3)
     assert frame_jacobian(arm, [0.2]).shape == (6, 1)
     with pytest.raises(JointError, match="'j4': follows another joint"):
-        load(palletizer, tip="l7", joints=["j3", "j4"])
+        load(PALLETIZER, tip="l7", joints=["j3", "j4"])
 
 
-def test_a_leader_outside_the_chain(write_urdf):
+def test_a_leader_outside_the_chain():
     side = (
         f'<link name="s"/><joint name="side" type="revolute"><parent link="l0"/><child link="s"/>'
         f'<axis xyz="0 0 1"/>{LIMIT}</joint>'
     )
     joints = [("revolute", turning("0 0 1"))] * 3
     joints.insert(1, ("revolute", turning("1 0 0", more='<mimic joint="side" offset="0.7"/>')))
-    arm = load(write_urdf(joints, more=side), tip="l4")
+    arm = load(chain_text(joints, more=side), tip="l4")
     assert arm.joints == ("j1", "j3", "j4")
     assert noted(arm, "j2", "locked", "outside the chain")
     axis = frame_jacobian(arm, np.zeros(3))[3:, 2]
     np.testing.assert_allclose(axis, [0, -np.sin(0.7), np.cos(0.7)], atol=1e-12)
 
 
-def test_a_continuous_pair(write_urdf, rng):
+def test_a_continuous_pair(rng):
     joints = [
         ("continuous", turning("0 0 1", limit="")),
         ("continuous", turning("0 0 1", limit="", more='<mimic joint="j1" multiplier="-2"/>')),
         ("continuous", turning("0 1 0", limit="")),
     ]
-    arm = load(write_urdf(joints))
+    arm = load(chain_text(joints))
     assert arm.joints == ("j1", "j3")
     assert np.isinf(arm.upper).all()
     q = draw(arm, rng, 1)[0]
@@ -318,7 +315,7 @@ def test_a_continuous_pair(write_urdf, rng):
         ("continuous", turning("0 0 1", limit="", more='<mimic joint="j1" offset="0.6"/>')),
         ("revolute", turning("0 0 1")),
     ]  # a locked follower stands at its offset
-    arm = load(write_urdf(joints), tip="l3", joints=["j3"])
+    arm = load(chain_text(joints), tip="l3", joints=["j3"])
     np.testing.assert_allclose(
         tip_placement(arm, [0.0]).rotation, pin.utils.rotate("z", 0.6), atol=1e-13
     )
@@ -465,15 +462,15 @@ def test_a_wrapper_a_model_a_path_a_text_and_a_name_are_one_arm():
         assert np.allclose(pinsing.at(arm, q).J, expected.J, atol=1e-12)
 
 
-def test_any_object_with_a_model(write_urdf):
+def test_any_object_with_a_model():
     arm = load(SimpleNamespace(model=model_of("ur5")))
     assert arm.n == 6
     with pytest.raises(ArgumentError, match="robot must be a file, the name of a robot"):
         load(SimpleNamespace(model="ur5"))
     with pytest.raises(TypeError):
         load(RobotWrapper)
-    path = write_urdf([("revolute", turning()), ("revolute", turning(more=MIMIC))])
-    model = pin.buildModelFromUrdf(str(path), mimic=True)
+    text = chain_text([("revolute", turning()), ("revolute", turning(more=MIMIC))])
+    model = pin.buildModelFromXML(text, mimic=True)
     assert any("Mimic" in j.shortname() for j in model.joints)
     with pytest.raises(PinsingError, match="mimic=False"):
         load(model)
@@ -600,9 +597,8 @@ def test_parts_of_the_whole_model(rng):
 MIMIC = '<mimic joint="j1" multiplier="-2" offset="0.25"/>'
 
 
-def test_mimic_joints_follow_in_the_whole_model_too(write_urdf):
-    path = write_urdf([("revolute", turning(more=x)) for x in ("", MIMIC, "")])
-    arm = load(path, task="vx,vy")
+def test_mimic_joints_follow_in_the_whole_model_too():
+    arm = load(chain_text([("revolute", turning(more=x)) for x in ("", MIMIC, "")]), task="vx,vy")
     assert (arm.n, arm.source.full_model.nq) == (2, 3)
     full = arm.full_q([0.1, 0.7])
     assert np.allclose(full, [0.1, -0.2 + 0.25, 0.7])
@@ -628,7 +624,7 @@ def test_errors_about_limits_have_joint_value_and_limits(where):
     assert caught.value.limits == (arm.lower[1], arm.upper[1])
 
 
-def test_errors_carry_data(write_urdf, tmp_path):
+def test_errors_carry_data(tmp_path):
     arm = load("ur5")
     with pytest.raises(ConfigurationError) as caught:
         pinsing.at(arm, [0, 0, np.nan, 0, 0, 0])
