@@ -13,6 +13,7 @@ import yaml
 from arms import URDF
 from command_line import run
 from tiers import tiered
+from urdf_texts import XACRO, joint
 
 import pinsing
 from pinsing.description import catalog
@@ -114,11 +115,10 @@ def test_without_the_data_package(monkeypatch):
 
 # Arms of ``urdf/arms.yaml``: their tables say what other descriptions of the same arms say ---
 
-SECOND = yaml.load(
-    (Path(__file__).parent / "arms_second_source.yaml").read_text(), Loader=yaml.CSafeLoader
-)
+HERE = Path(__file__).parent
+SECOND = yaml.load((HERE / "arms_second_source.yaml").read_text(), Loader=yaml.CSafeLoader)
 TABLES = sorted(name for name, arm in known_arms().items() if "rows" in arm)
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = HERE.parents[1] / "docs"
 PAGE = (DOCS / "arms.md").read_text()
 QUICK = ("crx10ia_l", "epson_gx4")
 
@@ -146,9 +146,7 @@ def placements(name: str, qs: np.ndarray) -> list[pin.SE3]:
     data, tip = model.createData(), model.getFrameId("tool0")
     ends = []
     for q in qs:
-        continuous = [joint.nq == 2 for joint in model.joints[1:]]
-        full = [[np.cos(x), np.sin(x)] if c else [x] for x, c in zip(q, continuous, strict=True)]
-        pin.framesForwardKinematics(model, data, np.concatenate(full))
+        pin.framesForwardKinematics(model, data, pin.integrate(model, pin.neutral(model), q))
         ends.append(data.oMf[tip].copy())
     return ends
 
@@ -278,19 +276,10 @@ def test_tool0_has_the_axes_of_its_maker(makers: str, rpy: tuple[float, float, f
 
 # Robots of the package robot_descriptions, and MuJoCo models -----------------------------
 
-MUJOCO = """<mujoco model="two_links">
-  <worldbody>
-    <body name="upper" pos="0 0 0.2">
-      <joint name="shoulder" type="hinge" axis="0 0 1" range="-170 170" limited="true"/>
-      <geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.03"/>
-      <body name="lower" pos="0.4 0 0">
-        <joint name="elbow" type="hinge" axis="0 0 1" range="-150 150" limited="true"/>
-        <geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.03"/>
-        <site name="hand" pos="0.4 0 0"/>
-      </body>
-    </body>
-  </worldbody>
-</mujoco>
+MUJOCO = """<mujoco model="two_links"><worldbody>
+  <body name="upper"><joint name="shoulder" range="-170 170"/><geom size="0.1"/>
+    <body name="lower" pos="0.4 0 0"><joint name="elbow" range="-150 150"/><geom size="0.1"/>
+    </body></body></worldbody></mujoco>
 """
 
 STAND_IN = {
@@ -324,16 +313,12 @@ REPOSITORIES = {"here": R("https://e.org/here.git", "here"), "there": R("https:/
     "table_description": "MJCF_PATH = {mjcf!r}\n",
 }
 
-XACRO = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
-  <xacro:arg name="length" default="1"/>
-  <xacro:include filename="$(find pack)/link.xacro"/>
-  <link name="base"/><link name="hand"/>
-  <joint name="q1" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/>
-    <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
-  <joint name="end" type="fixed"><parent link="a"/><child link="hand"/>
-    <origin xyz="$(arg length) 0 0"/></joint>
-</robot>
-"""
+ARM = XACRO.format(
+    '<xacro:arg name="length" default="1"/><xacro:include filename="$(find pack)/link.xacro"/>'
+    '<link name="base"/><link name="hand"/>'
+    + joint("q1", "base", "a")
+    + joint("end", "a", "hand", "fixed", '<origin xyz="$(arg length) 0 0"/>')
+)
 
 
 @pytest.fixture
@@ -342,7 +327,7 @@ def package(tmp_path, monkeypatch):
     folder, cache, pack = (tmp_path / n for n in ("robot_descriptions", "cache", "pack"))
     for place in (folder, cache / "here", pack):
         place.mkdir(parents=True)
-    (tmp_path / "arm.xacro").write_text(XACRO)
+    (tmp_path / "arm.xacro").write_text(ARM)
     (pack / "link.xacro").write_text('<robot><link name="a"/></robot>')
     (tmp_path / "arm.xml").write_text(MUJOCO)
     places = {
@@ -365,19 +350,16 @@ def test_a_described_robot_loads_by_name(package, capsys):
     arm = pinsing.load("rd:puma_description")
     assert (arm.name, arm.n) == ("rd:puma_description", 6)
     assert capsys.readouterr().out == ""
-    own = pinsing.load("puma560")
     q = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
-    assert pinsing.kinematics.task_jacobian(arm, q) == pytest.approx(
-        pinsing.kinematics.task_jacobian(own, q)
-    )
+    J, own = (pinsing.frame_jacobian(a, q) for a in (arm, pinsing.load("puma560")))
+    assert pytest.approx(own) == J
 
 
 @pytest.mark.slow
 def test_its_other_robots(package):
-    arm = pinsing.load("rd:xacro_description", task="vy")
-    assert pinsing.kinematics.task_jacobian(arm, [0.0])[0, 0] == pytest.approx(0.7)
-    arm = pinsing.load("rd:xacro_description", task="vy", xacro_args={"length": "0.2"})
-    assert pinsing.kinematics.task_jacobian(arm, [0.0])[0, 0] == pytest.approx(0.2)
+    for given, length in ({}, 0.7), ({"length": "0.2"}, 0.2):
+        arm = pinsing.load("rd:xacro_description", task="vy", xacro_args=given)
+        assert pinsing.kinematics.task_jacobian(arm, [0.0]) == pytest.approx(length)
     assert pinsing.load("rd:table_description").joints == ("shoulder", "elbow")
     with pytest.raises(RobotFileError, match=r"https://e\.org/x would have to be downloaded"):
         pinsing.load("rd:far_description")
