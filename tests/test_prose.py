@@ -36,8 +36,7 @@ def in_terminal(width: int, *words: str, **environment: str) -> str:
     """What a terminal of some width is sent, stdout and stderr, and what remains shown of it."""
     master, slave = pty.openpty()
     fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 50, width, 0, 0))
-    env = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "COLUMNS")}
-    env |= {"TERM": "xterm-256color", **environment}
+    env = {**os.environ, "TERM": "xterm-256color", **environment}
     child = started("-m", "pinsing", *words, stdin=slave, stdout=slave, stderr=slave, env=env)
     os.close(slave)
     text = b""

@@ -1,7 +1,7 @@
 """Every public function, given what it cannot use, says which argument is wrong, in one line.
 
 The test finds the functions by itself: those of the reference, and the methods of its classes.
-A new one fails until it is given a call that works, below.
+A new one fails until there is a value, below, for each parameter that it must be given.
 """
 
 import datetime
@@ -82,6 +82,7 @@ SHOULDER = ["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint"]
 arm = cached(lambda: pinsing.load("planar3r", task="position", joints=["q1", "q2", "q3"]))
 regional = cached(lambda: pinsing.load("ur5", task="position", tip="tool0", joints=SHOULDER))
 planar = cached(lambda: pinsing.load("planar3r"))
+stanford = cached(lambda: pinsing.load("stanford"))
 form = cached(lambda: pinsing.closed_form(arm()))
 six_joints = cached(lambda: pinsing.closed_form(pinsing.load("ur5"), prove=False))
 swept = cached(lambda: pinsing.sampling.sweep(arm(), levels=1, samples=5))
@@ -96,9 +97,7 @@ OWNERS = {
     "DesignForm": cached(lambda: pinsing.closed_form(arm(), symbols=True)),
     "Family": lambda: form().families[0],
     "InverseSolutions": cached(lambda: pinsing.inverse(planar(), Q)),
-    "LineCheck": cached(
-        lambda: pinsing.check_line(pinsing.load("stanford"), LINE, [0.1, 0.2, 0.3])
-    ),
+    "LineCheck": cached(lambda: pinsing.check_line(stanford(), LINE, [0.1, 0.2, 0.3])),
     "MapPlan": lambda: mapped().plan,
     "MapResult": mapped,
     "Mechanism": mechanism,
@@ -117,127 +116,61 @@ OWNERS = {
 """Whose methods are called, by class, and by method where another one is quicker."""
 
 
-def of_arm(**more: Any) -> Callable[[], dict[str, Any]]:
-    return lambda: {"arm": arm(), **more}
-
-
-def of_q() -> dict[str, Any]:
-    return {"q": Q}
-
-
-def of_zeros() -> dict[str, Any]:
-    return {"q": np.zeros(4)}
-
-
-def of_two() -> dict[str, Any]:
-    return {"n": 2, "rng": np.random.default_rng(0)}
-
-
-CALLS: dict[str, Callable[[], dict[str, Any]]] = {
-    "analyze": of_arm(levels=1, samples=5, random_starts=2, seconds=2.0),
-    "analyze_mechanism": lambda: {"mechanism": mechanism(), "seconds": 100.0},
-    "assembly_modes": lambda: {"mechanism": mechanism()},
-    "mechanism_map": lambda: {"mechanism": mechanism(), "over": "inputs", "count": 8},
-    "working_modes": lambda: {"mechanism": mechanism()},
-    "at": of_arm(q=Q),
-    "clearance": lambda: {"forms": form(), "Q": [Q]},
-    "inverse_velocity": lambda: {"J": np.eye(3), "twist": [0.1, 0.2, 0.3]},
-    "is_clear": lambda: {"forms": form(), "q": Q, "radius": 0.01},
-    "check_line": lambda: {"arm": pinsing.load("stanford"), "q0": LINE, "pose": [0.1, 0.2, 0.3]},
-    "check_trajectory": of_arm(Q=[Q, NEXT]),
-    "DesignForm.residuals": lambda: {"family": "F1", "q": Q, "lengths": {"q2_x": 0.5}},
-    "ClosedForm.latex": lambda: {"legend": True},
-    "ClosedForm.system": lambda: {"language": "maple"},
-    "crossings": lambda: {"forms": form(), "motion": [Q, NEXT]},
-    "closed_form": of_arm(),
-    "frame_jacobian": of_arm(q=Q),
-    "frame_jacobians": of_arm(Q=[Q]),
-    "generalize": of_arm(configuration=(0.1, 0.0, 0.0), samples=8),
-    "generic_rank": of_arm(),
-    "load": lambda: {"robot": "planar3r"},
-    "load_mechanism": lambda: {"robot": FIVE_BAR},
-    "nominal": of_arm(),
-    "Monitor.update": lambda: {"q": Q, "dq": (0.1, 0.2, 0.3)},
-    "export_guard": of_arm(language="python", prefix="planar"),
-    "plan_map": of_arm(count=8),
-    "plan_path": lambda: {"form": six_joints(), "poses": POSES},
-    "plan_sweep": of_arm(levels=1, samples=5),
-    "refine": of_arm(q0=Q),
-    "refine_many": of_arm(Q0=[Q]),
-    "sigma_map": of_arm(count=8),
-    "singular_configurations": lambda: {"arm": arm(), "result": swept()},
-    "singular_values": of_arm(Q=[Q]),
-    "aspects": lambda: {"forms": form()},
-    "aspect_changes": lambda: {"forms": form(), "Q": [Q, Q]},
-    "line_postures": lambda: {"arm": planar(), "q0": Q, "pose": [0.1, 0.1, 0]},
-    "Aspects.of": of_q,
-    "connect": lambda: {"forms": form(), "qa": Q, "qb": Q},
-    "inverse": lambda: {"arm": planar(), "pose": Q},
-    "posture_changes": lambda: {"arm": planar(), "q": Q},
-    "cuspidality": lambda: {"arm": planar(), "poses": 1},
-    "suggest": of_arm(work=0.3),
-    "sweep": of_arm(levels=1, samples=5),
-    "task_jacobian": of_arm(q=Q),
-    "task_jacobians": of_arm(Q=[Q]),
-    "regular_radius": of_arm(Q=[Q]),
-    "tip_speeds": of_arm(q=Q, joint_speeds=np.ones(3)),
-    "zones": lambda: {"form": form(), "joint_speeds": np.ones(3), "boxes": 200},
-    "write_report": lambda: {"robot": arm(), "path": "report.html", "page": "none"},
-    "Viewer": of_arm(families=(), skeleton=True),
-    "Viewer.jupyter_cell": dict,
-    "Viewer.play": lambda: {"family": "F1"},
-    "Viewer.save_html": lambda: {"path": "page.html"},
-    "Viewer.save_png": lambda: {"path": "view.png"},
-    "Viewer.show": of_q,
-    "Viewer.show_family": lambda: {"family": "F1"},
-    **dict.fromkeys(
-        [f"Arm.{name}" for name in ("check", "check_one", "fold", "full_q", "model_q")], of_q
-    ),
-    "Arm.check_many": lambda: {"q": [Q]},
-    "Arm.q_of": lambda: {"full_q": Q},
-    "Arm.with_task": dict,
-    "Arm.within_limits": of_q,
-    "ClosedForm.family_of": lambda: {"q": np.array(Q)},
-    "Family.box": lambda: {"within_limits": True},
-    "Family.conditions": dict,
-    "Family.contains": of_q,
-    "Family.distance": of_q,
-    "Family.gradient": of_q,
-    "Family.points": of_two,
-    "Family.where": dict,
-    "Family.sample": of_two,
-    "MapPlan.configurations": lambda: {"start": 0, "stop": 2},
-    **dict.fromkeys(
-        ["Mechanism.check", "Mechanism.fold", "Mechanism.model_q"], of_zeros
-    ),
-    "Mechanism.check_inputs": lambda: {"inputs": (0, 1)},
-    "Mechanism.with_actuated": lambda: {"names": ("q1",)},
-    "SweepPlan.moving": lambda: {"fixed": (0,)},
-    "SweepResult.curve": lambda: {"fixed": None, "moving": "q2"},
-    "SweepResult.set_text": lambda: {"fixed": {"q2": 0.0}},
-    **{
-        f"{name}.text": dict
-        for name in (
-            "Aspects", "Connection", "Cuspidality", "InverseSolutions", "LineCheck", "MapResult",
-            "PathPlan", "PostureChanges", "Suggestion", "TrajectoryCheck", "WorkpiecePlacement",
-            "Zones",
-        )
-    },
-    "plot.aspect_plane": lambda: {
-        "arm": arm(), "joint_a": "q2", "joint_b": "q3", "forms": form(), "samples": 5,
-    },
-    "plot.ellipsoids": lambda: {"state": pinsing.at(arm(), Q)},
-    "plot.inverse_count": lambda: {"arm": regional(), "samples": 20},
-    "plot.locus": lambda: {
-        "arm": arm(), "family": form().families[0], "joint_a": "q1", "joint_b": "q2",
+FITS: dict[str, Any] = {
+    "arm": arm, "form": form, "forms": form, "mechanism": mechanism, "result": swept,
+    "state": lambda: pinsing.at(arm(), Q), "robot": "planar3r", "family": "F1",
+    **dict.fromkeys(("q", "q0", "qa", "qb", "full_q", "pose"), Q), "Q": [Q], "Q0": [Q],
+    "configuration": (0.1, 0.0, 0.0), "motion": [Q, NEXT], "trajectory": [Q, (0.2, 0.5, 0.7)],
+    "poses": POSES, "J": np.eye(3), "twist": [0.1, 0.2, 0.3], "radius": 0.01,
+    "path": "page.html", "within_limits": True, "n": 2, "rng": lambda: np.random.default_rng(0),
+    "start": 0, "stop": 2, "inputs": (0, 1), "names": ("q1",), "fixed": (0,), "moving": "q2",
+    "joint_a": "q2", "joint_b": "q3",
+}  # fmt: skip
+"""What fits a parameter of that name; a function makes it."""
+MORE: dict[str, dict[str, Any]] = {
+    "analyze": {"levels": 1, "samples": 5, "random_starts": 2, "seconds": 2.0},
+    "analyze_mechanism": {"seconds": 100.0},
+    "mechanism_map": {"over": "inputs", "count": 8},
+    "check_line": {"arm": stanford, "q0": LINE, "pose": [0.1, 0.2, 0.3]},
+    "check_trajectory": {"Q": [Q, NEXT]},
+    "DesignForm.residuals": {"lengths": {"q2_x": 0.5}},
+    "ClosedForm.latex": {"legend": True},
+    "ClosedForm.system": {"language": "maple"},
+    "generalize": {"samples": 8},
+    "load_mechanism": {"robot": FIVE_BAR},
+    "Monitor.update": {"dq": (0.1, 0.2, 0.3)},
+    "export_guard": {"language": "python", "prefix": "planar"},
+    "plan_map": {"count": 8},
+    "plan_path": {"form": six_joints},
+    "plan_sweep": {"levels": 1, "samples": 5},
+    "sigma_map": {"count": 8},
+    "aspect_changes": {"Q": [Q, Q]},
+    "line_postures": {"arm": planar, "pose": [0.1, 0.1, 0]},
+    "inverse": {"arm": planar},
+    "posture_changes": {"arm": planar},
+    "cuspidality": {"arm": planar, "poses": 1},
+    "suggest": {"work": 0.3},
+    "sweep": {"levels": 1, "samples": 5},
+    "tip_speeds": {"joint_speeds": np.ones(3)},
+    "zones": {"joint_speeds": np.ones(3), "boxes": 200},
+    "write_report": {"robot": arm, "path": "report.html", "page": "none"},
+    "Viewer": {"families": (), "skeleton": True},
+    "Viewer.save_png": {"path": "view.png"},
+    "Arm.check_many": {"q": [Q]},
+    "ClosedForm.family_of": {"q": np.array(Q)},
+    **{f"Mechanism.{name}": {"q": np.zeros(4)} for name in ("check", "fold", "model_q")},
+    "SweepResult.curve": {"fixed": None},
+    "SweepResult.set_text": {"fixed": {"q2": 0.0}},
+    "plot.aspect_plane": {"forms": form, "samples": 5},
+    "plot.inverse_count": {"arm": regional, "samples": 20},
+    "plot.locus": {
+        "family": lambda: form().families[0], "joint_a": "q1", "joint_b": "q2",
         "third": "q3", "values": [0.0, 1.0], "samples": 5,
     },
-    "plot.sigma_along": of_arm(trajectory=[Q, (0.2, 0.5, 0.7)]),
-    "plot.sigma_curves": lambda: {"result": swept()},
-    "plot.workspace": of_arm(samples=500),
-    "plot.sigma_plane": of_arm(joint_a="q2", joint_b="q3", samples=5),
+    "plot.workspace": {"samples": 500},
+    "plot.sigma_plane": {"samples": 5},
 }  # fmt: skip
-"""Arguments with which each works."""
+"""Arguments of some, in place of those and beside them."""
 FREE = {"crossings": {"motion"}, "Viewer": {"visualizer"}, "Arm.check_many": {"name", "own"}}
 FREE |= {name: {"name"} for name in ("Arm.check", "Arm.check_one", "Mechanism.check")}
 """Parameters that may be anything."""
@@ -282,21 +215,35 @@ def public() -> dict[str, Any]:
 
 
 PUBLIC = public()
+PARAMETERS = {name: inspect.signature(function).parameters for name, function in PUBLIC.items()}
 OF = {
-    name: [p for p in inspect.signature(PUBLIC[name]).parameters if p not in {"self", *free}]
-    for name, free in ((name, FREE.get(name, ())) for name in CALLS)
+    name: [p for p in parameters if p not in {"self", *FREE.get(name, ())}]
+    for name, parameters in PARAMETERS.items()
 }
 """Parameters of each function."""
 
 
-def test_every_public_function_is_here():
-    assert sorted(PUBLIC) == sorted(CALLS)
+def needs(name: str) -> list[str]:
+    """Those that must be given, and that no other value is given for."""
+    own = {"self", *MORE.get(name, ())}
+    return [p for p, x in PARAMETERS[name].items() if x.default is x.empty and p not in own]
+
+
+def works(name: str) -> dict[str, Any]:
+    """Arguments with which it works."""
+    given = {p: FITS[p] for p in needs(name)} | MORE.get(name, {})
+    return {p: value() if callable(value) else value for p, value in given.items()}
+
+
+def test_every_public_function_has_a_call_that_works():
+    assert {name for name in PUBLIC if not {*needs(name)} <= FITS.keys()} == set()
+    assert PUBLIC.keys() >= MORE.keys()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in CALLS if name not in SLOW])
+@pytest.mark.parametrize("name", [name for name in PUBLIC if name not in SLOW])
 def test_the_calls_work(name):
-    call(name, **CALLS[name]())
+    call(name, **works(name))
 
 
 def wrong(name: str, parameter: str, value: Any) -> PinsingError | None:
@@ -305,7 +252,7 @@ def wrong(name: str, parameter: str, value: Any) -> PinsingError | None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
-            call(name, **{**CALLS[name](), parameter: value})
+            call(name, **{**works(name), parameter: value})
         except PinsingError as error:
             raised = error
     if raised is not None:
@@ -334,7 +281,7 @@ LONG = {
 @pytest.mark.parametrize("name", sampled(tiered(FITTED, set(FITTED) - LONG)))
 def test_what_may_fit_is_taken_or_refused(name):
     for parameter in OF[name]:
-        default = inspect.signature(PUBLIC[name]).parameters[parameter].default
+        default = PARAMETERS[name][parameter].default
         for value in ODD.values():
             if value is not default:
                 wrong(name, parameter, value)
@@ -358,7 +305,7 @@ def test_what_belongs_there_is_told(value):
 
 
 def told_what_belongs(name, parameter, value):
-    if value is None and inspect.signature(PUBLIC[name]).parameters[parameter].default is None:
+    if value is None and PARAMETERS[name][parameter].default is None:
         assert wrong(name, parameter, value) is None  # what may be left out may be None
         return
     error = wrong(name, parameter, value)

@@ -396,7 +396,7 @@ def workspace(
     """
     whole_number(samples, "samples", 100, 5_000_000)
     figure = None if axes is not None else plt.figure(figsize=(9.0, 3.3), layout="constrained")
-    every = list(np.ravel(axes if figure is None else figure.subplots(1, 3)))
+    every = list(np.ravel(np.array(axes if figure is None else figure.subplots(1, 3), object)))
     OptionError.refuse_if(
         len(every) != 3 or not all(isinstance(ax, Axes) for ax in every),
         "axes must be three of matplotlib's, for the slices x-z, y-z and x-y",
