@@ -240,4 +240,4 @@ def test_proofs_that_there_is_no_zero() -> None:
     zero_in_both = [in_one([1.0], [0.0], [2]), in_one([0.0], [1.0], [2])]  # cos q = sin q = 0
     assert not any(proven_empty([e], low, high) for e in zero_in_both)
     assert proven_empty(zero_in_both, low, high)
-    assert not proven_empty([away], low, np.full(3, np.inf))
+    assert proven_empty([away], low, np.full(3, np.inf))  # a whole turn tells

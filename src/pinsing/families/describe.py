@@ -61,10 +61,10 @@ from pinsing.families.zero_set import (
     ROUNDS,
     OwnPoints,
     SearchBox,
-    Stop,
     fix_joint,
     near,
     never_zero,
+    none_within,
     project,
     proven_empty,
     search,
@@ -312,7 +312,7 @@ class PieceMaker:
             return False
         # No box holds all values of a slider.
         return not any(e.powers.any() for e in branch.equations) and proven_empty(
-            branch.equations, self.lower, self.upper, self.time.stop
+            branch.equations, self.lower, self.upper
         )
 
 
@@ -735,9 +735,9 @@ def _solved(branch: Branch, start: Array) -> Iterator[Array]:
 
 
 _WITNESSES = 32
-_LOOKS = 0.4, 0.6, 0.8
-"""Shares of a family's time by which looks within its limits, a little beyond them, and for a
-proof that there is nothing have ended: what is left is for points anywhere."""
+_LOOKS = 0.4, 0.6
+"""Shares of a family's time by which looks within its limits, and a little beyond them, have ended:
+what is left is for points anywhere."""
 
 
 def describe(
@@ -768,7 +768,8 @@ def describe(
             draft = replace(wider, limits_met=_limits_met(wider, inside[0], maker.symbols))
             reachability = Reachability.AT_LIMIT
         elif not maker.time.over:
-            reachability = _unreachable(wider, looks[2].stop)
+            outside = none_within(wider.conditions(), *wider.limits)
+            reachability = Reachability.OUTSIDE if outside else Reachability.UNKNOWN
     draft = replace(draft, reachability=reachability)
     found = inside if len(inside) else points(draft, False, maker.time)
     # Points have half of their digits only where an equation touches zero: sigma_r / sigma_1 of one
@@ -858,19 +859,6 @@ def _limits_met(family: Family, q: Array, symbols: Sequence[str]) -> tuple[str, 
                 ends = f"{value:.10g} {unit}, its limit {limit:.10g} {unit}"
                 said.append(f"{symbols[j]} = {ends}, {by:.1e} {unit} apart")
     return tuple(said)
-
-
-def _unreachable(family: Family, stop: Stop) -> Reachability:
-    """Return whether it is proven that no point lies within the limits."""
-    lower, upper = family.box(within_limits=True)
-    endless = family.prismatic & ~(np.isfinite(family.lower) & np.isfinite(family.upper))
-    for branch in family.branches:
-        cut = any(endless[list(e.involved)].any() for e in branch.equations)
-        if branch.held(family.space, (lower, upper)) and not (
-            branch.equations and not cut and proven_empty(branch.equations, lower, upper, stop=stop)
-        ):
-            return Reachability.UNKNOWN
-    return Reachability.OUTSIDE
 
 
 def missing_everywhere(loss: Loss | State) -> list[str]:

@@ -14,15 +14,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing.algebra.conditions import (
-    Branch,
-    Conditions,
-    halved,
-    weighted_sum,
-)
+from pinsing.algebra.budget import PER_SECOND
+from pinsing.algebra.conditions import Branch, Conditions, SearchOptions, nearest_points
 from pinsing.algebra.equation import Equation, System
 from pinsing.interface import JsonResult
-from pinsing.kinematics.jacobian import own_jacobians_and_derivatives, own_scale, ratios
+from pinsing.kinematics.jacobian import ratios
+from pinsing.kinematics.refine import approach
 from pinsing.measures import FLOAT_NOISE, NOISE, ROUNDING, Array, Bool
 from pinsing.robot.arm import Arm, JointSpace
 
@@ -156,17 +153,15 @@ def _solved(step: Step, q: Array, rng: np.random.Generator) -> tuple[Array, Bool
         slope = f[1] - f[0]
         known = np.abs(slope) > flat
         return -f[0] / np.where(known, slope, 1.0), known
-    if step.kind == "half":  # a cos(q/2) + b sin(q/2)
-        turn = 2 * np.arctan2(-f[0], f[1])
-        return turn - step.equation.shift[step.joint], np.hypot(f[0], f[1]) > flat
-    constant, cosine = (f[0] + f[2]) / 2, (f[0] - f[2]) / 2
-    sine = f[1] - constant
+    half = step.kind == "half"  # a cos(q/2) + b sin(q/2)
+    constant = np.zeros(len(q)) if half else (f[0] + f[2]) / 2
+    cosine, sine = f[0] - constant, f[1] - constant
     radius = np.hypot(cosine, sine)
     known = (radius > flat) & (np.abs(constant) <= radius)
     share = np.clip(-constant / np.where(known, radius, 1.0), -1.0, 1.0)
-    side = np.where(rng.random(len(q)) < 0.5, -1.0, 1.0)
+    side = -1.0 if half else np.where(rng.random(len(q)) < 0.5, -1.0, 1.0)
     turn = np.arctan2(sine, cosine) + side * np.arccos(share)
-    return turn - step.equation.shift[step.joint], known
+    return (2 if half else 1) * turn - step.equation.shift[step.joint], known
 
 
 Stop = Callable[[], bool]
@@ -268,15 +263,24 @@ def search(
         few = max(2, int((terms <= 0.2 * terms[-1]).sum()))
         short = system_of(sorted(equations, key=lambda e: len(e.cos))[:few])
     # What is asked for next is drawn from the same numbers, whether this search is spared or not.
-    nothing = ways and missing == count and all(box.free[list(e.involved)].all() for e in equations)
-    if nothing:  # if a short look shows that the box, and what counts as in it, has no point
-        ends = box.lower - ROUNDING, box.upper + ROUNDING
-        nothing = proven_empty(equations, *ends, boxes=_PROOF_TERMS // int(terms[-1]))
+    nothing, boxes = False, _PROOF_TERMS // int(terms[-1])
+    if ways and missing == count and boxes and all(free[list(e.involved)].all() for e in equations):
+        # A short look may show that the box, and what counts as in it, has no point.
+        nothing = proven_empty(equations, box.lower - ROUNDING, box.upper + ROUNDING, boxes)
     for _ in range(rounds):
         q = box.drawn(max(_LEAST_DRAWN, 2 * missing), rng)
         if nothing:
             continue
-        found.append(_from_random(whole, short, q, box, within)[:missing])
+        if short is not None:
+            q, _ = project(short, q, free, 20, within)
+        q, ok = project(whole, q, free, 30, within)
+        for _ in range(12):  # back into the box, and onto the set again
+            out = np.flatnonzero(ok & ~box.inside(q, 1e-12, ~free))
+            if not len(out):
+                break
+            clipped = np.where(free, np.clip(q[out], box.lower, box.upper), q[out])
+            q[out], ok[out] = project(whole, clipped, free, 30, within)
+        found.append(q[ok & box.inside(q, but=~free)][:missing])
         missing -= len(found[-1])
         if missing <= 0 or (stop is not None and stop()):
             break
@@ -295,26 +299,6 @@ def thrown(
     cheap = sum(len(e.cos) for e in equations) <= _CHEAP
     q, ok = project(equations, box.drawn(count, rng), box.free, 40, None if cheap else stop)
     return np.asarray(q[ok])
-
-
-def _from_random(
-    equations: System,
-    short: System | None,
-    q: Array,
-    box: SearchBox,
-    stop: Stop | None,
-) -> Array:
-    """Those of the points q (N, n) that projections bring onto the zero set within the box."""
-    if short is not None:
-        q, _ = project(short, q, box.free, 20, stop)
-    q, ok = project(equations, q, box.free, 30, stop)
-    for _ in range(12):  # back into the box, and onto the set again
-        out = np.flatnonzero(ok & ~box.inside(q, 1e-12, ~box.free))
-        if not len(out):
-            break
-        clipped = np.where(box.free, np.clip(q[out], box.lower, box.upper), q[out])
-        q[out], ok[out] = project(equations, clipped, box.free, 30, stop)
-    return np.asarray(q[ok & box.inside(q, but=~box.free)])
 
 
 def fix_joint(equation: Equation, joint: int, value: float) -> Equation | None:
@@ -354,48 +338,32 @@ def fix_joint(equation: Equation, joint: int, value: float) -> Equation | None:
     )
 
 
-_MARGIN = 1e-8
-"""Of the sum of an equation's coefficients: more than all rounding, in them and in their sums."""
-
-
 def proven_empty(
-    equations: Sequence[Equation],
-    lower: Array,
-    upper: Array,
-    stop: Stop | None = None,
-    boxes: int = 40_000,
+    equations: Sequence[Equation], lower: Array, upper: Array, boxes: int | None = None
 ) -> bool:
-    """Return True if the equations have no common zero in a box, proven by subdivision; else False.
+    """Return True if the equations have no common zero in a box, see ``none_within``; else False.
 
-    A box holds none if an equation is larger at the centre than its slopes allow it to change.
-    Rounding: sums of thousands of terms are right to 1e-12 of their sizes, boxes to 1e-15.
+    Joints that slide in none of them turn: whole turns of these say nothing new.
     """
-    used = np.zeros(len(lower), dtype=bool)
-    used[[j for e in equations for j in e.involved]] = True
-    if not np.isfinite(lower[used]).all() or not np.isfinite(upper[used]).all():
-        return False
-    # Whole turns say nothing new about a trigonometric polynomial (up to its sign).
-    turning = used & ~np.any([e.powers.any(axis=0) for e in equations], axis=0)
-    upper = np.where(turning, np.minimum(upper, lower + 2 * np.pi), upper)
-    sums = [weighted_sum(e, np.ones(len(lower))) for e in equations]
-    most = np.maximum(np.maximum(np.abs(lower), np.abs(upper)), 1e-150)
-    # Of each sum the largest derivative by each joint.
-    steep = [s.sizes(most[None])[0] @ (np.abs(s.rate) + s.power / most) for s in sums]
-    rooms = [max(_MARGIN, max(10, 2 * len(e.cos)) * e.accuracy) * e.size for e in equations]
-    centers = np.where(used, (lower + upper) / 2, 0.0)[None, :]
-    halves = np.where(used, (upper - lower) / 2, 0.0)[None, :]
-    seen = 0
-    while len(centers):
-        seen += len(centers)
-        if seen > boxes or (stop is not None and stop()):
-            return False
-        alive = np.ones(len(centers), dtype=bool)
-        worst = np.zeros_like(centers)
-        for e, slope, room in zip(equations, steep, rooms, strict=True):
-            alive &= np.abs(e(centers)) <= halves @ slope * (1 + _MARGIN) + room
-            worst = np.maximum(worst, halves * slope / e.size)
-        centers, halves = halved(centers[alive], halves[alive], worst[alive].argmax(axis=1))
-    return True
+    turns = ~np.any([e.powers.any(axis=0) for e in equations], axis=0)
+    branches = [Branch((), tuple(equations))]
+    return none_within(Conditions.of([branches], ~turns, np.ones(len(turns))), lower, upper, boxes)
+
+
+def none_within(
+    conditions: Conditions, lower: Array, upper: Array, boxes: int | None = None
+) -> bool:
+    """Return True if it is proven, by so many boxes, that no point of conditions is within limits.
+
+    The search for the nearest point ends with the first one that it finds.
+    """
+    if boxes is None:  # work of a second, as boxes of long sums take long
+        boxes = max(1, min(40_000, int(PER_SECOND / conditions.box)))
+    turns = (conditions.turn > 0) & np.isfinite(lower)
+    upper = np.minimum(upper, np.where(turns, lower + 2 * np.pi, np.inf))
+    middle = np.clip(0.0, lower, upper)
+    options = SearchOptions(gap=1e9, boxes=boxes, within_limits=True)
+    return bool(np.isinf(nearest_points(conditions, middle[None], lower, upper, options).lower[0]))
 
 
 def never_zero(equation: Equation) -> bool:
@@ -470,10 +438,10 @@ class OwnPoints:
 
     def drawn(self, count: int, box: SearchBox, rng: np.random.Generator) -> Array:
         """Singular points (k, n) of a box that random starts in it lead to; see ``OwnPoints``."""
-        # Steps from random starts.
-        q = _newton(self.arm, box.drawn(count, rng), box.free, 30, (box.lower, box.upper))
-        q = q[np.isfinite(q).all(axis=-1)]
-        return q[ratios(self.arm, q) <= NOISE] if len(q) else q
+        lower, upper = np.where(box.free, [box.lower, box.upper], [[-np.inf], [np.inf]])
+        within = replace(self.arm, lower=lower, upper=upper)
+        found = approach(within, box.drawn(count, rng), box.free, bounded=True)
+        return found.q[found.ratio <= NOISE]
 
     def sharpened(self, points: Array, free: Bool) -> Array:
         """Return points (N, n) made singular to all digits along ``free`` joints, if possible."""
@@ -481,44 +449,13 @@ class OwnPoints:
         blunt = np.flatnonzero(before > NOISE)
         if not len(blunt):
             return points
-        moved = _newton(self.arm, points[blunt], free)
-        near = np.isfinite(moved).all(axis=-1)
+        found = approach(self.arm, points[blunt], free)
         # Radians or metres: what is this far away is another point.
-        near &= np.abs(np.where(np.isfinite(moved), moved, 0.0) - points[blunt]).max(axis=-1) < 1e-3
-        moved = np.where(near[:, None], moved, points[blunt])
-        better = ratios(self.arm, moved) < before[blunt]
+        near = np.abs(found.q - points[blunt]).max(axis=-1) < 1e-3
+        better = near & (found.ratio < before[blunt])
         sharp = points.copy()
-        sharp[blunt[better]] = moved[better]
+        sharp[blunt[better]] = found.q[better]
         return sharp
-
-
-def _newton(
-    arm: Arm, q: Array, free: Bool, steps: int = 8, box: tuple[Array, Array] | None = None
-) -> Array:
-    """Solve J(q)^T u = 0 and u.u = 1 for q (N, n) and the lost direction u, near a solution."""
-    # From elsewhere many starts end nowhere. Minimum-norm steps, sliders in the arm's own length as
-    # in H: the solutions are a set of some dimension.
-    J, H = own_jacobians_and_derivatives(arm, q)
-    u = np.linalg.svd(J)[0][..., -1]
-    n, columns = q.shape[-1], own_scale(arm).columns
-    for _ in range(steps):
-        residual = np.concatenate(
-            [np.einsum("kr,krj->kj", u, J), (u * u).sum(axis=-1, keepdims=True) - 1], axis=-1
-        )
-        A = np.zeros((len(q), n + 1, n + u.shape[-1]))
-        A[:, :n, :n] = np.einsum("kr,krij->kij", u, H) * free
-        A[:, :n, n:] = np.swapaxes(J, -1, -2)
-        A[:, n, n:] = 2 * u
-        # Singular values of Newton's matrix that count, relative to the largest.
-        step = -np.einsum("kij,kj->ki", np.linalg.pinv(A, rcond=1e-10), residual)
-        long = np.linalg.norm(step[:, :n], axis=-1, keepdims=True)
-        # Radians or metres of a step.
-        step *= np.minimum(1.0, 1.0 / np.maximum(long, 1e-300))
-        q = q + np.where(free, step[:, :n] * columns, 0.0)
-        q = q if box is None else np.clip(q, *box)  # sliders would go on without end
-        u = u + step[:, n:]
-        J, H = own_jacobians_and_derivatives(arm, q)
-    return q
 
 
 def near(
