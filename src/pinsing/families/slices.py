@@ -66,7 +66,7 @@ from pinsing.measures import Array, Bool, Ints, NDArray
 from pinsing.prose import listed
 from pinsing.robot.mimic import own_jacobian_modulo
 from pinsing.robot.nominal import PRIMES, Nominal
-from pinsing.robot.surd import parts_of, residue, root_modulo
+from pinsing.robot.surd import residue, root_modulo
 from pinsing.robot.task import Task
 
 _CHECKED = 4_000
@@ -261,32 +261,15 @@ class ModularChain:
         return np.asarray(rank < len(A))
 
 
-def value_modulo(value: Value, prime: int) -> tuple[int, ...]:
-    """A joint's value in a field: half-angle coordinates, a length; none at infinity."""
-    bottom = math.lcm(*(part.denominator for v in value for part in parts_of(v)))
-    whole = tuple(residue(v * bottom, prime) for v in value)
-    if len(whole) > 1:
-        return whole
-    return (whole[0] * pow(bottom, -1, prime) % prime,) if bottom % prime else ()
-
-
-def at_value(at: Ints, value: tuple[int, ...], prime: int) -> Bool:
-    """Return which coordinates (2, N) of a joint are at a value of it in the field."""
-    if not value:
-        return np.zeros(at.shape[1], dtype=bool)
-    away = at[0] - value[0] if len(value) == 1 else at[0] * value[1] - at[1] * value[0]
-    return np.asarray(away % prime == 0)
-
-
 class ModularSet:
     """A component modulo a prime."""
 
     def __init__(self, component: Component, ring: Ring, prime: int) -> None:
         self.p = prime
-        self.values = {j: value_modulo(x, prime) for j, x in component.values.items()}
-        self.relations = [_residues(r, ring, prime) for r in component.relations]
+        fixed = [ring.fixing(j, value) for j, value in component.values.items()]
+        self.relations = [_residues(r, ring, prime) for r in (*fixed, *component.relations)]
         joints = [j for j in range(len(ring.prismatic)) for _ in ring.variables(j)]
-        self.variables = [v - ring.start[j] for v, j in enumerate(joints)], joints
+        self.variables = np.array([(v - ring.start[j], j) for v, j in enumerate(joints)]).T
         # Powers of a generator, and which of them each number is: products become sums, negative
         # with zero.
         of_each = ([pow(g, k, prime) for k in range(prime - 1)] for g in range(2, prime))
@@ -297,14 +280,13 @@ class ModularSet:
     def holds(self, points: Ints) -> Bool:
         """Return which of some points (2, n, N) lie on it."""
         on = np.ones(points.shape[2], dtype=bool)
-        for j, v in self.values.items():
-            on &= at_value(points[:, j], v, self.p)
         for exponents, factors in self.relations:
-            left = np.flatnonzero(on)
+            left, occur = np.flatnonzero(on), exponents.any(axis=0)
+            exponents, (side, joint) = exponents[:, occur], self.variables[:, occur]
             # Terms at points that are computed at once.
             step = max(1, 2_000_000 // len(factors))
             for some in (left[first : first + step] for first in range(0, len(left), step)):
-                sums = exponents @ self._logarithm[points[..., some][self.variables]]
+                sums = exponents @ self._logarithm[points[side[:, None], joint[:, None], some]]
                 index = np.maximum(sums, -1).astype(np.int32)
                 powers = np.resize(np.array(self._powers, dtype=float), index.max() + 1)
                 on[some] = factors @ np.append(powers, 0.0)[index] % self.p == 0
@@ -430,9 +412,6 @@ class SliceCount:
         return said
 
 
-At = tuple[int, Value]
-
-
 @dataclass(frozen=True, eq=False)
 class SlicePoints:
     """Singular points of slices over one field, one slice for each choice of joints."""
@@ -471,17 +450,9 @@ class SlicePoints:
         holds = self.of.modular(component, self.prime).holds
         return bool(holds(every).sum() > self.held(component).sum())
 
-    def most_shared(self, values: Mapping[int, Sequence[Value]], tried: set[At]) -> At | None:
-        """The value of a joint that most of them share, of those not tried."""
-        shared: Counter[At] = Counter()
-        share: dict[int, float] = {}  # of the points at whose slices a joint varies
-        for j, some in values.items():
-            q = self.q[:, j, (self.chosen == j).any(axis=1)]
-            at = {v: int(at_value(q, value_modulo(v, self.prime), self.prime).sum()) for v in some}
-            share[j] = sum(at.values()) / (q.shape[1] + 1)
-            shared += Counter({(j, v): count for v, count in at.items() if (j, v) not in tried})
-        # The joint at whose values all missing points are, first.
-        return max(shared, key=lambda at: (share[at[0]], shared[at]), default=None)
+    def varies(self, joint: int) -> Bool:
+        """Return at which points (N) a joint varies on their slice."""
+        return np.asarray((self.chosen == joint).any(axis=1))
 
 
 class Slices:
@@ -673,18 +644,20 @@ class RandomSingular:
         """Those that are clearly on none of some components."""
         return replace(self, q=self.q[self.off(components)])
 
-    def most_shared(self, values: Mapping[int, Sequence[Value]], tried: set[At]) -> At | None:
-        """The value of a joint that most of them share, of those not tried."""
-        at = [(j, v) for j, some in values.items() for v in some if (j, v) not in tried]
-        shared = {(j, v): int((self.maker.off(self.q, {j: v}) < BLUNT).sum()) for j, v in at}
-        return max((a for a in at if shared[a]), key=lambda a: shared[a], default=None)
-
     def off(self, components: Sequence[Component]) -> Bool:
         """Return which of them are clearly on none of some components: (k,)."""
-        left = np.arange(len(self.q))
+        off = np.ones(len(self.q), dtype=bool)
         for c in components:
-            left = left[self.maker.off(self.q[left], c.values, c.relations) > BLUNT]
-        return np.isin(np.arange(len(self.q)), left)
+            off[off] = self.maker.off(self.q[off], c.values, c.relations) > BLUNT
+        return off
+
+    def held(self, component: Component) -> Bool:
+        """Return which of them may be on a component: (k,)."""
+        return ~self.off([component])
+
+    def varies(self, joint: int) -> Bool:
+        """All of them: no joint is at a value that was chosen."""
+        return np.ones(len(self.q), dtype=bool)
 
     def gap(self, missed: Bool) -> list[str]:
         """Return what missed ones say, with one of them; nothing where none was missed."""
@@ -739,8 +712,8 @@ class SliceSearch:
         self.kept: dict[int, list[SlicePoints]] = defaultdict(list)
         self._turns: Counter[int] = Counter()
         self._open: set[int] = set()
-        self._tried: set[At] = set()
-        self._special: dict[int, list[Value]] = {}
+        self._tried: list[Component] = []
+        self._special: list[Component] = []
         self._matrix: Matrix | None = None
 
     def run(self) -> None:
@@ -804,16 +777,29 @@ class SliceSearch:
         """Search where points on no family lead to, ``most`` in vain; whether some are left."""
         in_vain = 0
         while len(off) and not self.time.stop():
-            at = off.most_shared(self._values(), self._tried)
+            at = self._most_shared(off)
             if at is None or in_vain == most:
                 return True
-            self._tried.add(at)
+            self._tried.append(at)
             before = self.components
-            self._search(dict([at]))
+            self._search(at.values)
             in_vain += 1
             if self.components != before:
                 off, in_vain = off.left(self.components), 0
         return len(off) > 0
+
+    def _most_shared(self, off: SlicePoints | RandomSingular) -> Component | None:
+        """The value of a joint that most of some points share, of those not tried."""
+        places = self._values()
+        held = [(next(iter(c.values)), off.held(c)) for c in places]
+        shared = [int((on & off.varies(j)).sum()) for j, on in held]
+        share = Counter[int]()  # of the points at whose slices a joint varies
+        for (j, _), count in zip(held, shared, strict=True):
+            share[j] += count / (off.varies(j).sum() + 1)
+        left = [k for k, c in enumerate(places) if shared[k] and c not in self._tried]
+        # The joint at whose values all missing points are, first.
+        best = max(left, key=lambda k: (share[held[k][0]], shared[k]), default=None)
+        return None if best is None else places[best]
 
     def _taken_in(self, off: SlicePoints) -> SlicePoints:
         """Return what is left of points when systems that have some of them are components, too."""
@@ -864,19 +850,22 @@ class SliceSearch:
             except (BudgetExceeded, NotSquare):
                 continue
 
-    def _values(self) -> dict[int, list[Value]]:
-        """Values of each joint at which axes are special: quarter turns, and factors of minors."""
+    def _values(self) -> list[Component]:
+        """Joints at values where axes are special: quarter turns, and factors of minors."""
         if not self._special:
             one, none = Fraction(1), Fraction(0)
             turns: list[Value] = [(one, none), (none, one), (one, one), (one, -one)]
-            found: dict[int, dict[Value, None]] = {
-                j: dict.fromkeys([(none,)] if slides else turns)
+            found = [
+                (j, value)
                 for j, slides in enumerate(self.ring.prismatic)
-            }
+                for value in ([(none,)] if slides else turns)
+            ]
             for _, factors in self._factored({}, self.time.part(_FOR_VALUES)):
-                for joint, value in filter(None, map(self.ring.joint_value, factors)):
-                    found[joint][value] = None
-            self._special = {j: list(values) for j, values in found.items()}
+                found += filter(None, map(self.ring.joint_value, factors))
+            each = dict.fromkeys(found)
+            self._special = [
+                Component({j: v}, (), False, 1) for j, v in sorted(each, key=lambda at: at[0])
+            ]
         return self._special
 
     def _search(self, values: Mapping[int, Value]) -> None:
