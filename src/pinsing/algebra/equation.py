@@ -109,9 +109,23 @@ def times(size: str, body: str) -> str:
     return body if size == "1" and body else f"{size} {body}".strip()
 
 
-def signed_sum(pieces: Sequence[tuple[float, str]], tight: bool = False) -> str:
+def sized(number: float | Exact, latex: bool = False) -> tuple[bool, str]:
+    """Whether a minus stands before a number, and its size; sums with roots are in brackets."""
+    if isinstance(number, float):
+        return number < 0, f"{abs(number):.6g}"
+    parts = [p for p in parts_of(number) if p]
+    negative = len(parts) == 1 and parts[0] < 0
+    size = exact_text(-number if negative else number)
+    size = re.sub(r"sqrt\((\d)\)", r"\\sqrt{\1}", size) if latex else size
+    return negative, f"({size})" if len(parts) > 1 else size
+
+
+def signed_sum(
+    pieces: Sequence[tuple[float | Exact, str]], tight: bool = False, latex: bool = False
+) -> str:
     """Sum of signed pieces, a coefficient of one left out."""
-    terms = ((c < 0, times(f"{abs(c):.6g}", body)) for c, body in pieces)
+    each = ((*sized(c, latex), body) for c, body in pieces)
+    terms = ((negative, times(size, body)) for negative, size, body in each)
     return joined(terms, "" if tight else " ")
 
 
@@ -283,26 +297,10 @@ class Equation(Memory):
         latex : bool
             As LaTeX.
         """
-        style = LATEX if latex else PLAIN
         if not self.exact or self.angle_sum is not None:
             return ""
         numbers = [(exact_of(c), exact_of(s)) for c, s in self.exact]
-        pieces = [
-            (numbers[t][value], body)
-            for t in self._reading_order
-            for value, body in self._bodies(t, style)
-            if float(numbers[t][value])
-        ]
-        pieces = pieces if len(pieces) > 1 else [(Fraction(1), body) for _, body in pieces]
-        terms = []
-        for number, body in pieces:  # sums with roots stand in brackets
-            parts = [p for p in parts_of(number) if p]
-            negative = len(parts) == 1 and parts[0] < 0
-            size = exact_text(-number if negative else number)
-            if latex:
-                size = re.sub(r"sqrt\((\d)\)", r"\\sqrt{\1}", size)
-            terms.append((negative, times(f"({size})" if len(parts) > 1 else size, body)))
-        return f"{joined(terms)} = 0"
+        return self._line(LATEX if latex else PLAIN, numbers)
 
     def __str__(self) -> str:
         return self.text()
@@ -332,18 +330,19 @@ class Equation(Memory):
         modulo = r"\pmod{360^\circ}" if latex else "(mod 360°)"
         return f"{names} = {style.angles(angles)} {modulo}"
 
-    def _line(self, style: Style) -> str:
+    def _line(self, style: Style, exact: Sequence[tuple[Exact, Exact]] = ()) -> str:
         """Signed coefficients and what they multiply, a good order for reading."""
         if (angle := self.angle_sum) is not None:
             return self.angle_sum_text([angle], style.latex)
+        numbers = exact or np.stack([self.cos, self.sin], axis=1).tolist()
         pieces = [
-            (coefficient, body)
+            (numbers[t][value], body)
             for t in self._reading_order
             for value, body in self._bodies(t, style)
-            if self._tells(t, coefficient := float((self.cos, self.sin)[value][t]))
+            if (float(numbers[t][value]) if exact else self._tells(t, numbers[t][value]))
         ]
         pieces = pieces if len(pieces) > 1 else [(1.0, body) for _, body in pieces]
-        return f"{signed_sum(pieces)} = 0"
+        return f"{signed_sum(pieces, latex=style.latex)} = 0"
 
     def _tells(self, t: int, coefficient: float) -> bool:
         """Whether a coefficient of a term is more than rounding, or of no angle."""

@@ -26,11 +26,19 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from pinsing.algebra.conditions import Branch
-from pinsing.algebra.equation import Equation, format_angle, joined, latex_symbol, moved, times
+from pinsing.algebra.equation import (
+    Equation,
+    format_angle,
+    joined,
+    latex_symbol,
+    moved,
+    sized,
+    times,
+)
 from pinsing.families.zero_set import MOST_ORDERED, peeled, system_of
 from pinsing.measures import Array
 from pinsing.prose import listed
-from pinsing.robot.surd import SQUARES, exact_of, parts_of
+from pinsing.robot.surd import exact_of
 
 Number: TypeAlias = Any
 """A float or an Exact; one expression has one kind alone."""
@@ -144,15 +152,14 @@ def terms_text(terms: Terms, equation: Equation, latex: bool = False) -> str:
     brackets, alone = _brackets(tuple(terms))
     for pull, within in brackets:
         inner = {rest: terms[product] for product, rest in within}
-        negative = _is_negative(next(iter(inner.values())))
+        negative, _ = sized(next(iter(inner.values())))
         if negative:
             inner = {product: -c for product, c in inner.items()}
         said = f"{_factors(pull, equation, latex)} ({terms_text(inner, equation, latex)})"
         pieces.append((negative, said))
     for product in alone:
-        number = terms[product]
-        said = times(_size(number, latex), _factors(product, equation, latex))
-        pieces.append((_is_negative(number), said))
+        negative, size = sized(terms[product], latex)
+        pieces.append((negative, times(size, _factors(product, equation, latex))))
     return joined(pieces)
 
 
@@ -174,19 +181,6 @@ def _factors(atoms: Product, equation: Equation, latex: bool) -> str:
         raised = f"^{{{power}}}" if latex else {2: "²", 3: "³"}.get(power, f"^{power}")
         said.append(f"{base}{raised if power > 1 else ''}{angle}")
     return " ".join(said)
-
-
-def _size(value: Number, latex: bool) -> str:
-    """The size of a number, without its sign where it has one."""
-    if isinstance(value, float):
-        return f"{abs(value):.6g}"
-    roots = [(part, s) for part, s in zip(parts_of(value), SQUARES, strict=True) if part]
-    terms = []
-    for part, square in roots:
-        root = rf"\sqrt{{{square}}}" if latex else f"√{square}"
-        size = str(abs(part)) if square == 1 else times(str(abs(part)), root)
-        terms.append((part < 0 and len(roots) > 1, size))
-    return joined(terms) if len(roots) == 1 else f"({joined(terms)})"
 
 
 @functools.lru_cache(maxsize=512)
@@ -212,12 +206,6 @@ def _brackets(
         left = [atoms for atoms in left if atom not in atoms]
         found.append((tuple(sorted(pull)), inner))
     return found, left
-
-
-def _is_negative(number: Number) -> bool:
-    """Return True if a minus stands before it: sums with roots keep their signs inside."""
-    irrational = not isinstance(number, float) and sum(map(bool, parts_of(number))) > 1
-    return not irrational and float(number) < 0
 
 
 def _without(atoms: Product, atom: Factor) -> Product:

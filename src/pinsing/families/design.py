@@ -552,22 +552,9 @@ class Changes:
             if became == 0:
                 continue
             self.time.check_factor(len(became))
-            alone = became == p or not touched or self._irreducible(became)
-            factors = [became] if alone else self.ring.factors(became)
+            factors = self.ring.factors(became) if touched and became != p else [became]
             found += [h for h in factors if self.names.moves(h) and h not in found]
         return found
-
-    def _irreducible(self, poly: Poly) -> bool:
-        """Return True if a polynomial is A s + B in a length s, without a common factor."""
-        degrees, gens = poly.degrees(), self.ring.context.gens()
-        firsts = [
-            self.ring.variables(s)[0] for s, slides in enumerate(self.ring.prismatic) if slides
-        ]
-        leads = [(v, poly.derivative(v)) for v in firsts if degrees[v] == 1]
-        parts = [(lead, low) for v, lead in leads if (low := poly - gens[v] * lead) != 0]
-        if not parts:
-            return False
-        return self.ring.is_constant(self.ring.gcd(*min(parts, key=lambda part: len(part[0]))))
 
     def _everywhere(self, images: Images) -> bool:
         """Return True if the rank is less at all configurations."""

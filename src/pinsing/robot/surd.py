@@ -180,15 +180,10 @@ def root_modulo(square: int, prime: int) -> int:
         return 1
     if square == 6:
         return root_modulo(2, prime) * root_modulo(3, prime) % prime
-    if prime < _SMALL:
-        for root in range(1, prime):
-            if (root * root - square) % prime == 0:
-                return root
-        raise ValueError(f"no square root of {square} modulo {prime}")
     order = {2: 8, 3: 12}[square]
-    for base in range(2, 1000):
-        z = pow(base, (prime - 1) // order, prime)
-        root = (z + pow(z, -1, prime)) % prime
+    of_order = (pow(base, (prime - 1) // order, prime) for base in range(2, 1000))
+    sums = ((z + pow(z, -1, prime)) % prime for z in of_order)
+    for root in range(1, prime) if prime < _SMALL else sums:
         if (root * root - square) % prime == 0:
             return root
     raise ValueError(f"no square root of {square} modulo {prime}")
