@@ -67,7 +67,7 @@ def test_a_long_system_without_points_is_left_when_time_is_over(patience, rng):
         assert values.call_count > 100
 
 
-def test_a_proof_of_emptiness_ends_with_the_time() -> None:
+def test_a_proof_of_emptiness_ends_with_its_boxes() -> None:
     away, small = [made(30, 2.0)], np.full(_JOINTS, 0.1)
     assert proven_empty(away, -small, small)
     assert not proven_empty(away, -8 * small, 8 * small, boxes=1)
