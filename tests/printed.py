@@ -12,12 +12,9 @@ _CALL = re.compile(r"(cos|sin)([²³]?)(?: (\w+)|\(\(([^()]*)\)/2\)|\(([^()]*)/2
 
 def value_of(text: str, joints: Mapping[str, Any]) -> Any:
     """Of joint values that are numbers, or arrays of the same shape."""
-    text = _CALL.sub(_call, text)
-    text = re.sub(r"sqrt\((\d)\)", lambda found: repr(math.sqrt(int(found[1]))), text).replace(
-        "^", "**"
-    )
+    text = _CALL.sub(_call, text).replace("^", "**")
     python = re.sub(r"(?<=[\w)]) (?=[\w(])", " * ", text)
-    return eval(python, {"cos": np.cos, "sin": np.sin}, dict(joints))
+    return eval(python, {"cos": np.cos, "sin": np.sin, "sqrt": math.sqrt}, dict(joints))
 
 
 def _call(found: re.Match[str]) -> str:
