@@ -339,7 +339,7 @@ class Equation(Memory):
             (numbers[t][value], body)
             for t in self._reading_order
             for value, body in self._bodies(t, style)
-            if (float(numbers[t][value]) if exact else self._tells(t, numbers[t][value]))
+            if (size := float(numbers[t][value])) and (exact or self._tells(t, size))
         ]
         pieces = pieces if len(pieces) > 1 else [(1.0, body) for _, body in pieces]
         return f"{signed_sum(pieces, latex=style.latex)} = 0"
