@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from kernel import needs_kernel
-from singular_sets import RIGHT, Joint, build, closed
+from singular_sets import RIGHT, Joint, build, closed, terms
 
 import pinsing
 from pinsing._batch import engine
@@ -19,7 +19,6 @@ from pinsing.algebra.conditions import (
     nearest_points,
     two_sided,
 )
-from pinsing.algebra.equation import Equation
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
 from pinsing.families import Branch, Family
 from pinsing.proximity.monitor import make_guard
@@ -28,10 +27,6 @@ ARMS = [
     "ur5", "puma560", "panda", "stanford", "surgical7", "irb1400", "z1", "iiwa14", "xarm7",
     "talos_arm",
 ]  # fmt: skip
-
-
-def one(family: Family, branch: Branch) -> Family:
-    return dataclasses.replace(family, branches=(branch,))
 
 
 def copied(part: Family, q: np.ndarray, points: np.ndarray, limited: bool) -> np.ndarray:
@@ -56,7 +51,7 @@ def test_bounds_against_points_of_each_family(name: str, count: int) -> None:
     rng = np.random.default_rng(4)
     for family in form.families:
         for branch in family.branches[: None if sure else 2]:
-            part = one(family, branch)
+            part = dataclasses.replace(family, branches=(branch,))
             own = np.where(part.prismatic, 1 / part.length_scale, 1.0)
             for limited in (False, True):
                 points = part.points(count, rng, within_limits=limited)
@@ -64,18 +59,16 @@ def test_bounds_against_points_of_each_family(name: str, count: int) -> None:
                 for k in range(0, 10 if len(points) else 0, 1 if sure else 4):
                     q = rng.uniform(low - 0.2 * (k % 3 == 0), high)  # also outside the limits
                     weights = own if k % 2 else rng.uniform(0.3, 3, part.n)
-                    norm = "max" if k > 7 else "euclidean"
+                    norm, order = ("max", np.inf) if k > 7 else ("euclidean", 2)
                     options = {"weights": weights, "norm": norm}
                     options["boxes"] = 3_000_000 if sure else 150_000
                     found = part.distance(q, within_limits=limited, **options)
-                    scaled = np.abs(copied(part, q, points, limited) * weights)
-                    seen = scaled.max(axis=1) if k > 7 else np.linalg.norm(scaled, axis=1)
+                    seen = np.linalg.norm(copied(part, q, points, limited) * weights, order, axis=1)
                     assert found.lower <= seen.min() + 1e-12
                     assert not sure or found.upper - found.lower <= 1e-6
                     assert found.lower <= found.upper == found.value
                     assert bool(part.contains(found.q, 1e-7))
-                    off = np.abs((found.q - q) * weights)
-                    length = off.max() if k > 7 else np.linalg.norm(off)
+                    length = np.linalg.norm((found.q - q) * weights, order)
                     assert length == pytest.approx(found.upper, abs=1e-9)
                     if limited:
                         assert (found.q >= part.limits[0] - 1e-8).all()
@@ -109,8 +102,7 @@ def test_long_equations_end_a_search_by_their_work(monkeypatch: pytest.MonkeyPat
         options = SearchOptions(gap=1e-9, boxes=boxes)
         return nearest_points(conditions, Q, *family.limits, options, compiled=compiled)
 
-    terms = sum(s.rate.size for s in conditions.sums)
-    assert conditions.box == pytest.approx(20 + terms / 6)
+    assert conditions.box == pytest.approx(20 + sum(s.rate.size for s in conditions.sums) / 6)
     monkeypatch.setattr(search, "WORK", 20 * conditions.box / PER_SECOND)
     for compiled in (True, False):
         few, many = found(compiled=compiled), found(5000, compiled)
@@ -124,10 +116,10 @@ def test_long_equations_end_a_search_by_their_work(monkeypatch: pytest.MonkeyPat
 def test_limits_of_several_turns_and_none(compiled: bool) -> None:
     """Copies of a value within +-2 pi, and joints that turn endlessly."""
     family = closed("stanford").families[2]  # q5 = 0, 180°
-    wide = dataclasses.replace(
-        family, lower=np.full(6, -2 * np.pi - 0.1), upper=np.full(6, 2 * np.pi + 0.1)
+    wide, endless = (
+        dataclasses.replace(family, lower=np.full(6, -end), upper=np.full(6, end))
+        for end in (2 * np.pi + 0.1, np.inf)
     )
-    endless = dataclasses.replace(family, lower=np.full(6, -np.inf), upper=np.full(6, np.inf))
     for turn in (-7.0, -6.2, -3.0, 2.9, 6.2, 7.5, 1e9):
         q = np.array([0, 1, 0.3, 1, turn, 0])
         options = SearchOptions(within_limits=True)
@@ -143,9 +135,8 @@ def test_limits_of_several_turns_and_none(compiled: bool) -> None:
 @pytest.mark.parametrize("compiled", [True, False])
 def test_points_beyond_where_a_slide_is_looked_at_count(compiled: bool) -> None:
     """A slide without limits is looked at as far as 100; a point known farther off changes that."""
-    turns, powers = [[0, 0, 0], [0, 0, 0], [2, 0, 0]], [[0, 1, 0], [0, 0, 0], [0, 0, 0]]
-    sizes = np.array([1, -0.15, 0.001])  # q2 = 0.15 - 0.001 cos q1
-    e = Equation(("a", "b", "c"), np.array(turns), np.array(powers), sizes, 0 * sizes, np.zeros(3))
+    none = [0, 0, 0]
+    e = terms((none, [0, 1, 0], 1, 0), (none, none, -0.15, 0), ([2, 0, 0], none, 0.001, 0))
     families = [[Branch((), (e,))], [Branch((JointValue(2, 2.0, True),), ())]]
     slides, weight = np.array([False, True, False]), np.array([100.0, 1000.0, 100.0])
     made, free = Conditions.of(families, slides, weight), np.full(3, np.inf)
@@ -156,9 +147,8 @@ def test_points_beyond_where_a_slide_is_looked_at_count(compiled: bool) -> None:
 def test_a_family_at_the_joint_limit_is_as_near_within_limits_as_its_points() -> None:
     """The limits count as wider by what "at the joint limit" allows, here as in ``sample``."""
     base = closed("stanford").families[2]
-    upper = base.upper.copy()
-    upper[4], lower = -1e-7, base.lower.copy()
-    lower[4] = -2.0
+    lower, upper = base.lower.copy(), base.upper.copy()
+    lower[4], upper[4] = -2.0, -1e-7
     outside = dataclasses.replace(base, lower=lower, upper=upper)
     q = np.array([0, 1, 0.3, 1, -0.25, 0])
     nowhere = outside.distance(q, within_limits=True)
@@ -203,27 +193,6 @@ def test_the_compiled_bounds_are_those_of_numpy(name: str) -> None:
         np.testing.assert_array_equal(picked, a.lower)
 
 
-def sliding() -> Family:
-    """d1^2 + 0.5 d1 cos q2 - 0.3 = 0, a made-up family with a prismatic joint."""
-    base = closed("stanford").families[1]
-    equation = Equation(
-        joints=("d1", "q2"),
-        frequencies=np.array([[0, 0], [0, 2], [0, 0]]),
-        powers=np.array([[2, 0], [1, 0], [0, 0]]),
-        cos=np.array([1.0, 0.5, -0.3]),
-        sin=np.zeros(3),
-        shift=np.zeros(2),
-    )
-    return dataclasses.replace(
-        base,
-        branches=(Branch((), (equation,)),),
-        lower=np.array([0.2, -2.0]),
-        upper=np.array([0.9, 2.0]),
-        prismatic=np.array([True, False]),
-        length_scale=0.5,
-    )
-
-
 @needs_kernel
 def test_a_certified_gradient_is_the_slope_and_never_another() -> None:
     form, q = closed("ur5"), np.array([0, -1.2, 1.6, -1, 1.2, 0])
@@ -255,8 +224,7 @@ def test_clearance_of_many() -> None:
     np.testing.assert_allclose(wrist.upper, np.abs(np.arcsin(np.sin(Q[..., 4]))), atol=1e-12)
     again = pinsing.Clearance.from_json(found.to_json())
     np.testing.assert_array_equal(again.lower, found.lower)
-    empty = pinsing.clearance(form, np.zeros((0, 6)))
-    assert empty.lower.shape == (0,)
+    assert pinsing.clearance(form, np.zeros((0, 6))).lower.shape == (0,)
 
 
 def test_families_out_of_reach_do_not_count_within_limits() -> None:

@@ -30,21 +30,19 @@ def holds(arm: Arm, found: pinsing.proximity.Suggestion, forms: object) -> None:
     assert pinsing.at(arm, found.q).status != "singular"
 
 
-@pytest.mark.parametrize(
-    "name",
-    tiered(
-        ["ur5", "puma560", "stanford", "irb1400", "scara", "z1"], ("puma560", "stanford", "scara")
-    ),
-)
+ARMS = ["ur5", "puma560", "stanford", "irb1400", "scara", "z1"]
+
+
+@pytest.mark.parametrize("name", tiered(ARMS, ("puma560", "stanford", "scara")))
 def test_no_random_configuration_is_clearer_than_is_said_to_be_possible(name: str) -> None:
     arm, form = arm_of(name), closed(name)
     found = pinsing.suggest(arm, forms=form)
     holds(arm, found, form)
     rng = np.random.default_rng(1)
     Q = rng.uniform(*arm.space.span, (400, arm.n))
-    seen = pinsing.clearance(form, Q, certify=True, gap=1e-3).upper
-    assert seen.max() <= found.most + 1e-9
-    assert found.lower >= pinsing.clearance(form, Q, certify=True, gap=1e-3).lower.max() - 2e-3
+    seen = pinsing.clearance(form, Q, certify=True, gap=1e-3)
+    assert seen.upper.max() <= found.most + 1e-9
+    assert found.lower >= seen.lower.max() - 2e-3
     assert found.most - found.lower < 0.1  # and little more is possible
 
 
@@ -63,8 +61,7 @@ def test_known_best_clearances():
 @pytest.mark.parametrize("name", ["ur5", "puma560", "stanford"])
 def test_near_a_given_one(name: str) -> None:
     arm, form = arm_of(name), closed(name)
-    near = np.zeros(arm.n)
-    reach = 0.3
+    near, reach = np.zeros(arm.n), 0.3
     found = pinsing.suggest(arm, forms=form, near=near, reach=reach)
     holds(arm, found, form)
     weight = 1 / arm.space.metric
@@ -75,13 +72,9 @@ def test_near_a_given_one(name: str) -> None:
     step *= reach * rng.random((2000, 1)) ** 0.2 / np.linalg.norm(step, axis=1, keepdims=True)
     Q = near + step / weight
     Q = Q[((arm.lower <= Q) & (arm.upper >= Q)).all(axis=1)]
-    assert pinsing.clearance(form, Q).lower.max() <= found.most
-    assert pinsing.clearance(form, Q).lower.max() <= found.lower + 5e-3
-    idle = [
-        j
-        for j in range(arm.n)
-        if not any(j in b.involved for f in form.families for b in f.branches)
-    ]
+    assert pinsing.clearance(form, Q).lower.max() <= min(found.most, found.lower + 5e-3)
+    matter = {j for f in form.families for b in f.branches for j in b.involved}
+    idle = [j for j in range(arm.n) if j not in matter]
     assert (found.q[idle] == 0).all()  # what does not matter stays
 
 
@@ -93,21 +86,16 @@ def test_redundant_arms_and_several_equations() -> None:
         assert found.lower > 0.5
 
 
-def endless(turns: tuple[float, ...]) -> Arm:
-    """An arm of continuous joints, from a URDF."""
-    joints = [
-        J(f"j{i}", f"l{i - 1}", f"l{i}", (0.3, 0, 0.1), rpy=(turn, 0, 0))
-        for i, turn in enumerate(turns, 1)
-    ]
-    tip = frame("tip", f"l{len(turns)}", (0.2, 0, 0))
-    return pinsing.load(urdf([*joints, tip]), tip="tip", task="position")
-
-
 def test_arms_without_limits_and_continuous_joints() -> None:
     bounded = build(
         [Joint(d=0.2), Joint(np.pi / 2, 0.1), Joint(a=0.4)], (0.3, 0, 0), task="position"
     )
-    free = endless((0.0, np.pi / 2, 0.0))
+    joints = [
+        J(f"j{i}", f"l{i - 1}", f"l{i}", (0.3, 0, 0.1), rpy=(turn, 0, 0))
+        for i, turn in enumerate((0.0, np.pi / 2, 0.0), 1)
+    ]
+    tip = frame("tip", "l3", (0.2, 0, 0))
+    free = pinsing.load(urdf([*joints, tip]), tip="tip", task="position")
     assert np.isinf(free.lower).all()
     for arm in (bounded, free):
         found = pinsing.suggest(arm)
@@ -170,21 +158,16 @@ def test_bad_input(options: dict[str, object], said: str) -> None:
         pinsing.suggest(arm_of("ur5"), **options)
 
 
-class TestCommand:
-    @pytest.mark.slow
-    def test_what_is_printed_can_be_pasted(self) -> None:
-        for deg in ([], ["--rad"]):
-            done = run("at", "--suggest", "puma560", *deg)
-            assert done.exit_code == 0
-            first = done.stdout.splitlines()[0]
-            at = run("at", "puma560", *shlex.split(first))
-            assert at.exit_code == 0
-            assert "regular" in at.stdout
-            said = re.search(r"Proven: no singular configuration within ([\d.]+)", done.stdout)
-            assert said is not None
-            q = [
-                float(x) for x in first.split("--q ")[1].replace("pi/2", f"{np.pi / 2}").split(",")
-            ]
-            true = pinsing.clearance(closed("puma560"), q if deg else np.radians(q), certify=True)
-            told = float(said[1])
-            assert (told if deg else np.radians(told)) <= float(true.upper)
+@pytest.mark.slow
+@pytest.mark.parametrize(("words", "unit"), [([], np.radians(1)), (["--rad"], 1.0)])
+def test_what_is_printed_can_be_pasted(words: list[str], unit: float) -> None:
+    done = run("at", "--suggest", "puma560", *words)
+    assert done.exit_code == 0
+    first = done.stdout.splitlines()[0]
+    at = run("at", "puma560", *shlex.split(first))
+    assert at.exit_code == 0
+    assert "regular" in at.stdout
+    said = re.search(r"Proven: no singular configuration within ([\d.]+)", done.stdout)
+    q = first.split("--q ")[1].replace("pi/2", f"{np.pi / 2}").split(",")
+    true = pinsing.clearance(closed("puma560"), unit * np.array(q, dtype=float), certify=True)
+    assert unit * float(said[1]) <= float(true.upper)

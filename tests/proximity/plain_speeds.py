@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from pinsing.measures import NOISE
-from pinsing.proximity.zones import BoxSpeeds, SpeedBounds, sums_behind
+from pinsing.proximity.zones import SpeedBounds, sums_behind
 
 
 class PlainBounds(SpeedBounds):
@@ -39,46 +39,35 @@ class PlainBounds(SpeedBounds):
         return np.asarray((z[:, : len(limits)] / limits).max(axis=1))
 
     def plain(self, C, R, rounds):
-        """Shares in boxes of centres C (N, n) and half widths R (N, n)."""
+        """Bounds of shares (N,) in boxes of centres C (N, n) and half widths R (N, n)."""
         J = self.jacobians(C)
-        N, n = C.shape
         M = self.rows @ J
         A, k = self._inverses(M, rounds), M.shape[2]
         active = np.flatnonzero(self.moving)
         r, slopes = R[:, active], [self._slope(J, J, int(j)) for j in active]
-        G, size = np.empty((N, len(active), k, k)), np.abs(M)
-        B = np.empty((N, len(active), *A.shape[1:]))
+        G, size = np.empty((len(C), len(active), k, k)), np.abs(M)
+        B = np.empty((len(C), len(active), *A.shape[1:]))
         for i, (j, slope) in enumerate(zip(active, slopes, strict=True)):
             Mj = self.rows @ slope
             G[:, i] = A @ Mj
             B[:, i] = G[:, i] @ A - self._carried(A, int(j), J[:, :3, j])
             size += np.abs(Mj) * r[:, i, None, None]
         E1, (E3, moved) = np.einsum("nj,njab->nab", r, np.abs(G)), self._rest(A, J, R)
-        F, center, along = self._first_order(A, B, r)
+        F = self._first_order(A, B, r)
         # Where this is too much already, the second order is not looked at.
         more = _times(E1, _times(E1, _times(E1, F)) + _times(E3, F)) + _times(E3, F)
         some = np.flatnonzero(self._largest(F + more) <= 1)
-        y, pull, limits = np.full(F.shape, np.inf), np.zeros((N, n)), self.judge.limits
+        y = np.full(F.shape, np.inf)
         if len(some):
             parts = (x[some] for x in (J, M, A, G, B, E1, E3, F, moved, size, r))
-            y[some], pull[some] = self._with_second_order([x[some] for x in slopes], *parts)
+            y[some] = self._with_second_order([x[some] for x in slopes], *parts)
         good = np.isfinite(y).all(axis=1)
-        most = np.where(good, self._largest(y) * (1 + NOISE), np.inf)
-        x = np.where(good[:, None], y, center)[..., None]
-        worst = (x[:, :n, 0] / limits).argmax(axis=1)
-        # What each joint adds to the first order of the worst row, and to the third of all.
-        u = np.zeros((N, 1, k))
-        u[:, 0, :n] = 1 / limits
-        third = u[:, None] @ (np.abs(G) @ (E1 @ (E1 @ x))[:, None])
-        pull[:, active] += along[np.arange(N), worst] / limits[worst][:, None]
-        pull[:, active] += 3 * r * third[..., 0, 0]
-        return BoxSpeeds(self._largest(center), self._largest(F), most, pull)
+        return np.where(good, self._largest(y) * (1 + NOISE), np.inf)
 
     def _with_second_order(self, slopes, J, M, A, G, B, E1, E3, F, moved, size, r):
-        """Bounds y (N, d), infinite where nothing is proven, and what joints (N, n) add by it."""
+        """Bounds y (N, d), infinite where nothing is proven."""
         active = np.flatnonzero(self.moving)
         E2, E3, Q, bent = np.zeros_like(E1), E3.copy(), np.zeros_like(E1), np.zeros(F.shape)
-        pull = np.zeros((len(J), len(self.moving)))
         for i, j in enumerate(active):
             for h in range(i, len(active)):
                 # Bilinear in columns, so that the rule of products gives its derivative.
@@ -93,10 +82,7 @@ class PlainBounds(SpeedBounds):
                 w, v = J[:, 3:, j], J[:, :3, active[h]]
                 turned = G[:, i] @ B[:, h] + G[:, h] @ B[:, i] - second @ A
                 turned += self._carried(A, int(j), np.cross(w, v))
-                here = self._norms(turned) * rr[:, None]
-                bent += here
-                pull[:, j] += self._largest(here)
-                pull[:, active[h]] += self._largest(here)
+                bent += self._norms(turned) * rr[:, None]
                 for o in self._nearer(active, i, h):
                     third = self.rows @ self._slope(both, J, int(active[o]))
                     rrr = rr * r[:, o] / (1 + (o == i) + (o == h))
@@ -123,7 +109,7 @@ class PlainBounds(SpeedBounds):
             holds = (y > 0) & ((F + _times(T, y)) * (1 + NOISE) <= y)
             good = np.all(holds, axis=1, keepdims=True)
             good &= off < 1e-3
-        return np.where(good, y, np.inf), pull
+        return np.where(good, y, np.inf)
 
     def _slope(self, J, K, j):
         """Return derivatives (N, 6, k) of Jacobians by joint j, axes of the link behind ``middle``.
@@ -215,14 +201,12 @@ class PlainBounds(SpeedBounds):
         return np.asarray(self.v * np.linalg.norm(v, axis=-1) + self.w * np.linalg.norm(w, axis=-1))
 
     def _first_order(self, rhs, B, r):
-        """Largest (N, d) of (A - E1 A) X x in a box, at its centre, and by joint (N, d, j)."""
-        g = -B  # (N, j, d, m)
-        center, extra = np.zeros(rhs.shape[:2]), np.zeros(rhs.shape[:2])
-        along = np.zeros((len(rhs), g.shape[1], rhs.shape[1]))
+        """Largest (N, d) of (A - E1 A) X x in a box."""
+        most, along = np.zeros(rhs.shape[:2]), np.zeros((len(rhs), B.shape[1], rhs.shape[1]))
         for speed, own in ((self.v, self.linear), (self.w, ~self.linear)):
             if not speed or not own.any():
                 continue
-            a, da = rhs[..., own], g[..., own]
+            a, da = rhs[..., own], -B[..., own]
             length = np.linalg.norm(a, axis=-1)
             unit = a / np.maximum(length, 1e-300)[..., None]
             with_it = np.einsum("njdm,ndm->njd", da, unit)
@@ -234,11 +218,9 @@ class PlainBounds(SpeedBounds):
                 np.minimum(across, across**2 / (2 * np.maximum(least, 1e-100))),
                 across - 2 * least,
             )
-            center += speed * length
-            extra += speed * bent
+            most += speed * (length + bent)
             along += speed * with_it
-        along = np.abs(along) * r[..., None]
-        return center + along.sum(axis=1) + extra, center, np.swapaxes(along, 1, 2)
+        return most + (np.abs(along) * r[..., None]).sum(axis=1)
 
 
 def _inverse(M):

@@ -1,14 +1,18 @@
 """Trajectory files as people have them: what is a joint, what a time, and in which unit."""
 
 import json
+import os
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 from command_line import run
 from dh_arms import arm_of
 
-from pinsing.errors import ConfigurationError
+from pinsing import load
+from pinsing.errors import ConfigurationError, PinsingError
+from pinsing.proximity.trajectory import check_trajectory
 from pinsing.proximity.trajectory_file import read_trajectory
 
 UR5 = [
@@ -21,9 +25,8 @@ DEG = np.degrees(Q)
 
 
 def table(heads, rows, sep=","):
-    return (
-        "\n".join([sep.join(heads), *(sep.join(f"{x:.12g}" for x in row) for row in rows)]) + "\n"
-    )
+    numbers = ([f"{x:.12g}" for x in row] for row in rows)
+    return "".join(sep.join(row) + "\n" for row in (heads, *numbers))
 
 
 def timed(rows=Q, t=T):
@@ -61,17 +64,18 @@ def states():
     )
 
 
+def script(value, rows=Q):
+    moves = [", ".join(value.format(x) for x in q) for q in rows]
+    return "def path():\n" + "".join(f"  movej([{m}], a=1.4, v=1.05)\n" for m in moves) + "end\n"
+
+
 def fanuc():
     def point(k, q):
         joints = ",\n\t".join(f"J{j}= {x:9.6f} deg" for j, x in enumerate(np.degrees(q), 1))
         return f"P[{k}]{{\n   GP1:\n\tUF : 0, UT : 1,\t\n\t{joints}\n}};\n"
 
-    return (
-        "/PROG  PATH\n/MN\n   1:J P[1] 100% FINE    ;\n   2:J P[2] 50% CNT10 ;\n/POS\n"
-        + point(1, Q[0])
-        + point(2, Q[1])
-        + "/END\n"
-    )
+    moves = "   1:J P[1] 100% FINE    ;\n   2:J P[2] 50% CNT10 ;\n"
+    return f"/PROG  PATH\n/MN\n{moves}/POS\n{point(1, Q[0])}{point(2, Q[1])}/END\n"
 
 
 ROSBAG = [
@@ -87,11 +91,9 @@ ALPHABET = np.argsort(UR5)
 
 def rosbag(order):
     """Rows of rostopic, whose drivers publish joints in an order of their own."""
-    return "".join(
-        ",".join([f"{int(1.7e18 + t * 1e9)}", *np.take(UR5, order), *map(str, q[order]), "0.5"])
-        + "\n"
-        for q, t in zip(Q, T, strict=True)
-    )
+    times = [f"{1.7e18 + t * 1e9:.0f}" for t in T]
+    rows = zip(times, Q[:, order].astype(str), strict=True)
+    return "".join(",".join([t, *np.take(UR5, order), *q, "0.5"]) + "\n" for t, q in rows)
 
 
 BAG = ",".join(ROSBAG) + "\n" + rosbag(ALPHABET)
@@ -104,11 +106,8 @@ TIMED = {
         ["__time", *(f"/joint_states/{j}/position" for j in UR5)], timed(t=T + 1.7e9)
     ),
     "plotjuggler_all.csv": table(
-        [
-            "__time",
-            *(f"/joint_states/{j}/{what}" for j in UR5 for what in ("position", "velocity")),
-        ],
-        np.column_stack([T, *(np.column_stack([x, 9 * x]) for x in Q.T)]),
+        ["__time", *(f"/joint_states/{j}/{x}" for j in UR5 for x in ("position", "velocity"))],
+        np.column_stack([T, np.kron(Q, [1, 9])]),
     ),
     "ros2bag.csv": table(["t", *numbered("/joint_states.position[{}]", 0)], timed()),
     "rosbag.csv": BAG,
@@ -156,8 +155,8 @@ TIMED = {
         {
             "joint_names": UR5,
             "points": [
-                {"positions": q.tolist(), "time_from_start": t or 1e-07}
-                for q, t in zip(Q, T, strict=True)
+                {"positions": [*q], "time_from_start": t}
+                for q, t in zip(Q, (1e-7, 0.25), strict=True)
             ],
         }
     ),
@@ -190,14 +189,8 @@ BARE = {
     "comment_below.csv": table(UR5, DEG).replace("\n", "\n# Unit = degrees\n", 1),
     "trailing.csv": table(UR5, Q).replace("\n", ",\n"),
     "path.ls": fanuc(),
-    "path.script": "def path():\n"
-    + "".join(f"  movej({q.tolist()}, a=1.4, v=1.05)\n" for q in Q)
-    + "end\n",
-    "degrees.script": (
-        "def path():\n"
-        + "".join(f"  movej([{', '.join(f'd2r({x})' for x in q)}], a=1.4)\n" for q in DEG)
-        + "end\n"
-    ),
+    "path.script": script("{}"),
+    "degrees.script": script("d2r({})", DEG),
 }
 
 
@@ -209,6 +202,10 @@ def read(tmp_path):
         file = tmp_path / name
         if isinstance(held, dict):
             np.savez(file, **held)
+        elif isinstance(held, np.ndarray):
+            np.save(file, held)
+        elif isinstance(held, bytes):
+            file.write_bytes(held)
         else:
             file.write_text(held, encoding="cp1252" if name == "windows.csv" else "utf-8")
         return read_trajectory(file, arm_of(arm), **how)
@@ -257,22 +254,12 @@ def test_a_quote_that_nothing_ends_takes_no_samples(read):
         ("a.yaml", "joint_names: [a, b]\npoints: [{positions: [1, 2]}]", "unknown column 'a'"),
         ("a.yaml", "hello: 1", "neither a trajectory"),
         ("a.yaml", "joint_names: [a\n", "cannot read"),
-        (
-            "a.yaml",
-            f"joint_names: {UR5}\npoints: [{{positions: [1, 2]}}]",
-            "sample 1 needs a number",
-        ),
+        ("a.yaml", f"joint_names: {UR5}\npoints: [{{positions: [1, 2]}}]", "sample 1 needs a num"),
         ("a.yaml", f"joint_names: {UR5}\npoints: []", "no sample"),
-        (
-            "a.yaml",
-            states() + "---\n" + states().replace('_joint"', '_joint_deg"'),
-            "sample 3 names other units of joints",
-        ),
-        (
-            "a.ls",
-            "/POS\nP[1]{\n GP1:\n X = 1 mm, Y = 2 mm, W = 0 deg\n};",
-            "pose of the tool: export .*pinsing path",
-        ),
+        ("a.yaml", states() + "---\n" + states().replace('_joint"', '_joint_deg"'),
+         "sample 3 names other units of joints"),
+        ("a.ls", "/POS\nP[1]{\n GP1:\n X = 1 mm, Y = 2 mm, W = 0 deg\n};",
+         "pose of the tool: export .*pinsing path"),
         ("a.script", "movej([1, 2], a=1)", "move 1 has 2 joint values"),
         ("a.script", "movel(p[1, 2, 3, 0, 0, 0])", "movel goes to a pose"),
         ("a.script", "if x:\nmovej([1, 2, 3, 4, 5, 6])\nend", "without branches"),
@@ -284,27 +271,17 @@ def test_a_quote_that_nothing_ends_takes_no_samples(read):
         ("a.ls", fanuc().replace("/POS", "   2:  CALL X ;\n/POS"), "CALL X"),
         ("a.csv", BAG + rosbag(range(6)).split("\n")[0], "a.csv:4: column 2 names 'shoulder_pan_j"),
         ("a.csv", BAG.replace("elbow", "x_a"), "'field.position0' of 'x_a_joint': .*--columns"),
-        (
-            "a.csv",
-            ",".join([*numbered("q{}"), "name"]) + f'\n1,1,1,1,1,1,"{UR5[::-1]}"\n',
-            "'q1' is numbered, and the first sample names joints, .*: say with --columns",
-        ),
+        ("a.csv", ",".join([*numbered("q{}"), "name"]) + f'\n1,1,1,1,1,1,"{UR5[::-1]}"\n',
+         "'q1' is numbered, and the first sample names joints, .*: say with --columns"),
         ("a.csv", re.sub(r",[a-z]\w+_joint", ",", BAG), "or leaves names empty"),
-        (
-            "a.csv",
-            table(numbered("q{} (rev)"), Q),
-            "'q1 \\(rev\\)' is in 'rev', which .*deg or rad",
-        ),
+        ("a.csv", table(numbered("q{} (rev)"), Q), "'q1 .rev.' is in 'rev', which .*deg or rad"),
         ("a.csv", table(numbered("q{}_mrad"), Q), "is in 'mrad', which is not known"),
         ("a.csv", table(["t [min]", *UR5], timed()), "'t .min.' is in 'min', .* ms, us or ns"),
         ("a.csv", '{"points": []}', "if it is JSON, name it .json"),
         ("a.txt", states(), "a.txt:1: is no table: if it is YAML, name it .yaml"),
         ("a.dat", "DEFDAT P\nDECL E6AXIS XP1={A1 0,A2 -40}", "robot program"),
-        (
-            "a.csv",
-            table([*UR5, "vel_1"], timed()).replace("0.", "0,"),
-            "11 numbers in the first sample, and 7 names: .* semicolons",
-        ),
+        ("a.csv", table([*UR5, "vel_1"], timed()).replace("0.", "0,"),
+         "11 numbers in the first sample, and 7 names: .* semicolons"),
         ("a.csv", table(UR5, Q).replace("0.1", '"0.1°"'), "is no number: write numbers alone, and"),
         ("a.csv", f"# {UR5[::-1]}\n" + table([], Q)[1:], "a comment names the joints in another"),
         ("a.csv", "# t [s] J1 [deg]\n" + table([], Q)[1:], "speaks of degrees: say '--units deg'"),
@@ -343,7 +320,7 @@ def test_a_quote_that_nothing_ends_takes_no_samples(read):
         ("a.csv", "/JOB\n//NAME TEST\n", "robot program"),
         ("a.xlsx", "PK\x03\x04\x14", "a workbook .*: save its table as CSV"),
     ],
-)
+)  # fmt: skip
 def test_broken_ones_are_refused_in_one_line(read, name, text, said):
     with pytest.raises(ConfigurationError, match=said) as raised:
         read(text, name)
@@ -390,10 +367,8 @@ def test_the_command_takes_columns_and_units(tmp_path):
     (tmp_path / "a.csv").write_text(table(["when", *"abcdef"], timed(DEG)))
     (tmp_path / "deg.csv").write_text(table(numbered("J{} (deg)"), DEG))
     how = ("--units", "deg", "--columns", "t=when,a,b,c,d,e,f")
-    done, plain = (
-        run("check", "ur5", tmp_path / "a.csv", *how),
-        run("check", "ur5", tmp_path / "deg.csv"),
-    )
+    done = run("check", "ur5", tmp_path / "a.csv", *how)
+    plain = run("check", "ur5", tmp_path / "deg.csv")
     assert done.exit_code == 0, done.stderr
     assert "elbow_joint = 'c'" in done.stderr
     assert plain.exit_code == 0, plain.stderr
@@ -437,3 +412,103 @@ def test_a_joint_that_slides_takes_no_angles(read):
         read(text, arm="stanford")
     found = read(text, arm="stanford", columns=[*"126345"])
     np.testing.assert_allclose(found.Q[:, 2:4], DEG[:, [5, 2]] * [1e-3, np.pi / 180])
+
+
+def test_a_joint_that_is_locked_on_the_chain_has_to_stay_there(tmp_path: Path) -> None:
+    arm = load("ur5", joints=[*UR5[:2], *UR5[3:]])
+    path, right = tmp_path / "log.csv", np.full((3, 6), 5.0)
+    right[:, 2] = 0
+    path.write_text(table(UR5, right))
+    np.testing.assert_allclose(read_trajectory(path, arm, True).Q, np.radians(5))
+    for unit in ("", " (deg)"):
+        path.write_text(table([name + unit for name in UR5], right + 5))
+        with pytest.raises(ConfigurationError, match=f"log.csv: joint '{UR5[2]}' is locked"):
+            read_trajectory(path, arm, True)
+
+
+@pytest.mark.parametrize(
+    ("name", "held", "said"),
+    [
+        ("no.npz", {"x": Q}, "array 'q'"),
+        ("back.npz", {"q": Q, "t": [1, 0]}, "ascend"),
+        ("nan.npz", {"q": Q, "t": [0, np.nan]}, "nan"),
+        ("one.npz", {"q": Q, "t": 1.0}, "'t' needs 2 times, one a sample; got ..$"),
+        ("across.npz", {"q": Q, "t": [[0, 1]]}, "got .1, 2."),
+        ("objects.npy", np.array([{}]), "objects.npy"),
+        ("hole.npy", np.where(Q == 0.5, np.inf, Q), "inf"),
+        ("noise.npy", b"\x93NUMPY nonsense", "noise.npy"),
+        ("noise.npz", b"PK nonsense", "noise.npz"),
+    ],
+)
+def test_arrays_that_are_no_trajectory(read, name, held, said):
+    def check(found):
+        return check_trajectory(arm_of("ur5"), found.Q, found.t)
+
+    with pytest.raises(PinsingError, match=said) as raised:
+        check(read(held, name))
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("missing.csv", "cannot read"),
+        (".", "cannot read"),
+        ("back.npz", "back.npz: times must ascend"),
+    ],
+)
+def test_the_command_names_the_file_in_one_line(tmp_path, name, said):
+    np.savez(tmp_path / "back.npz", q=Q, t=[1, 0])
+    done = run("check", "ur5", tmp_path / name)
+    assert (done.exit_code, done.stderr.count("error:")) == (2, 1)
+    assert said in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("empty.csv", "", "no sample"),
+        ("comment.csv", "# nothing\n\n", "no sample"),
+        ("names.csv", "t,a,b\n1,2,3\n", "unknown column 'a'"),
+        ("few.csv", "1,2\n", "3 columns"),
+        ("short.csv", "1,2,3\n1,2\n", "line"),
+        ("lacking.csv", "q1,q2\n1,2\n", "no column for joint"),
+        ("twice.csv", "t,t,q1\n1,2,3\n", "twice"),
+        ("extra.csv", "q1,q2,q3,extra\n0,1,2,foo\n", "extra"),
+        ("bytes.npy", "no array at all", "no NPY file"),
+        ("a.csv", "q1,q2,q3\n\n0,1,2\n# so\n0,x,2\n", "a.csv:5: column 2: 'x' is no number"),
+        ("a.csv", "0,1,2\n0,1,0x1\n", "a.csv:2: column 3: '0x1' is no number"),
+        ("a.csv", "t,q1,q2,q3,time\n0,1,2,3,4\n", "'t' and 'time' are both times"),
+        ("a.csv", "q1,q2,q3,q1\n0,1,2,3\n", "'q1' is there twice"),
+    ],
+)
+def test_what_strangers_wrote(read, name, text, said):
+    with pytest.raises(ConfigurationError, match=said):
+        read(text, name, "planar3r")
+
+
+def test_text_of_other_encodings_and_longer_numbers(tmp_path):
+    arm, path = arm_of("planar3r"), tmp_path / "a.csv"
+    path.write_bytes("q1,q2,q3\n0,1,2\n".encode("utf-16-le"))  # without a mark
+    with pytest.raises(ConfigurationError, match="UTF-16"):
+        read_trajectory(path, arm)
+    for code in ("utf-16", "utf-8-sig"):
+        path.write_bytes("q1,q2,q3\n\n0,1,2\n".encode(code))
+        assert read_trajectory(path, arm).Q.tolist() == [[0, 1, 2]]
+        path.write_bytes("q1,q2,q3\n\n0,1,2\n\n0,x,2\n".encode(code))
+        with pytest.raises(ConfigurationError, match=r":5: column 2: 'x' is no number"):
+            read_trajectory(path, arm)
+    np.save(tmp_path / "longer.npy", np.full((2, 3), np.finfo(np.longdouble).max))
+    read_trajectory(tmp_path / "longer.npy", arm)
+
+
+def test_a_pipe_is_read_only_where_the_shell_has_made_it(tmp_path):
+    arm = arm_of("planar3r")
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(ConfigurationError, match="is a pipe"):
+        read_trajectory(tmp_path / "pipe", arm)
+    out, into = os.pipe()
+    os.write(into, b"0,1,2\n0,1,2\n")
+    os.close(into)
+    assert read_trajectory(Path(f"/dev/fd/{out}"), arm).Q.shape == (2, 3)
+    os.close(out)

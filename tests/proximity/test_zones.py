@@ -23,14 +23,10 @@ from pinsing.proximity.zones import Region, parts_of
 from pinsing.robot.nominal import chain_model, flatten
 
 CASES = [
-    ("ur5", {}, None),
-    ("ur5", {"task": "position"}, None),
-    ("ur5", {"task": "tool-axis"}, None),
-    ("panda", {}, None),
-    ("planar3r", {}, [1, 1, 1]),
-    ("scara", {}, [3, 3, 1, 3]),
+    ("ur5", {}, None), ("ur5", {"task": "position"}, None), ("ur5", {"task": "tool-axis"}, None),
+    ("panda", {}, None), ("planar3r", {}, [1, 1, 1]), ("scara", {}, [3, 3, 1, 3]),
     ("stanford", {}, [1, 1, 0.5, 1, 1, 1]),
-]
+]  # fmt: skip
 
 
 def _shares(judge, Q, v, w):
@@ -51,10 +47,7 @@ def _search(monkeypatch, form, **options):
     return pinsing.zones(form, **options)
 
 
-@pytest.mark.parametrize(
-    ("name", "options", "speeds"),
-    tiered_rows(CASES, CASES[::3]),
-)
+@pytest.mark.parametrize(("name", "options", "speeds"), tiered_rows(CASES, CASES[::3]))
 def test_no_configuration_of_a_box_takes_more_than_its_bound(name, options, speeds):
     arm, rng = pinsing.load(name, **options), np.random.default_rng(1)
     judge = SpeedJudge(arm, speeds)
@@ -80,8 +73,7 @@ def test_no_configuration_of_a_box_takes_more_than_its_bound(name, options, spee
             np.testing.assert_allclose(found.most[good], found.center[good], rtol=1e-3)
         if rounds:
             plain = bounds.plain(C, R, rounds)
-            np.testing.assert_array_equal(np.isfinite(plain.most), np.isfinite(found.most))
-            np.testing.assert_allclose(plain.most, found.most, rtol=1e-4)
+            np.testing.assert_allclose(plain, found.most, rtol=1e-4)
         elif spare == 1:  # the best right inverse, or nearly that
             assert np.percentile(found.center / at_centre, 90) < 1.05
 
@@ -173,8 +165,7 @@ def test_of_a_planar_arm_the_distance_is_that_of_a_fine_grid():
 
 
 def test_the_command_says_what_to_keep_and_where():
-    words = ["zones", "scara", "--joint-speeds", "5,5,1,10", "--within", "q3=0..0.1"]
-    done = run(*words)
+    done = run(*["zones", "scara", "--joint-speeds", "5,5,1,10", "--within", "q3=0..0.1"])
     assert done.exit_code == 0, done.output
     assert "with d3 between 0 m and 0.1 m, keep 20.3° from" in done.stdout
 
@@ -185,11 +176,8 @@ def test_the_command_says_what_to_keep_and_where():
     [
         ("elbow up, wrist no-flip, q3=0.6..1.2, wrist_1_joint=-1..1, wrist_2_joint=-1.4..2",
          ("elbow up", "wrist no-flip", "elbow_joint between 34.38° and 68.75°")),
-        pytest.param(
-            "q3=0.7..2, z=0.1..0.3, x=-0.2..0.3, q4=-0.5..0.5, q5=0.2..1",
-            ("elbow_joint between 40.11° and 114.6°", "z of the tip between 0.1 m and 0.3 m"),
-            marks=pytest.mark.slow,
-        ),
+        ("q3=0.7..2, z=0.1..0.3, x=-0.2..0.3, q4=-0.5..0.5, q5=0.2..1",
+         ("elbow_joint between 40.11° and 114.6°", "z of the tip between 0.1 m and 0.3 m")),
     ],
 )  # fmt: skip
 def test_zones_of_a_posture_and_of_a_box_of_the_workspace_hold_there(within, said):
@@ -198,12 +186,9 @@ def test_zones_of_a_posture_and_of_a_box_of_the_workspace_hold_there(within, sai
     assert set(said) <= set(found.within)
     region = Region(form, form.loaded, parts_of(within))
     Q = np.random.default_rng(3).uniform(found.lower, found.upper, (30_000, 6))
-    Q = Q[_shares(SpeedJudge(form.loaded), Q, 0.25, 0.5) > 1]
-    Q = Q[region.holds(Q)]
+    Q = Q[(_shares(SpeedJudge(form.loaded), Q, 0.25, 0.5) > 1) & region.holds(Q)][:500]
     assert len(Q)
-    assert len(found.worst)
     assert region.holds(found.worst[None]).all()
-    Q = Q[:500]
     for q in Q[pinsing.clearance(form, Q).upper > found.common]:  # an upper bound, not the distance
         assert min(family.distance(q).upper for family in form.families) <= found.common
     again = pinsing.proximity.Zones.from_json(found.to_json())
@@ -241,10 +226,8 @@ def test_long_equations_are_reached_and_never_too_near(monkeypatch):
     cells = zone_search._Cells.first(Q, 0 * Q, len(search.each))
     search._follow(cells)
     search._begin_elsewhere(cells)
-    low, up = (
-        two_sided(watch(form).conditions.plain, Q, each=True).each[..., 0],
-        search._upper(cells)[0],
-    )
+    low = two_sided(watch(form).conditions.plain, Q, each=True).each[..., 0]
+    up = search._upper(cells)[0]
     assert np.isfinite(up).all()
     true = pinsing.clearance(form, Q[:100], certify=True, boxes=2000)
     assert (true.lower <= up[:100, 0] * (1 + 1e-9)).all()
@@ -307,9 +290,7 @@ def test_where_nothing_is_left_outside_no_distance_is_called_useful():
     said = " ".join(done.stdout.split())
     assert "or the search ended too early: try lower --tip-speed and --turn-speed" in said
     assert re.search(r"limit is exceeded even [\d.]+° from all families", said)
-    assert "any distance" not in said
-    assert "One distance" not in said
-    assert "more than needed" not in said
+    assert not re.search("any distance|One distance|more than needed", said)
 
 
 def test_a_form_without_its_robot_is_refused():
@@ -328,19 +309,21 @@ def test_a_monitor_tells_in_which_zones_a_configuration_is():
     assert pinsing.Monitor(form).update([0, 1, 0.1, 0]).zones is None
     monitor = pinsing.Monitor(form, zones=replace(found, lower=np.array([-1, *found.lower[1:]])))
     assert monitor.update([-1.5, 1, 0.1, 0]).zones is None
-    with pytest.raises(OptionError, match="give those of joint ranges"):
-        pinsing.Monitor(form, zones=replace(found, posture=("elbow up",), within=("elbow up",)))
-    with pytest.raises(OptionError, match="zones are of scara"):
-        pinsing.Monitor(pinsing.closed_form(pinsing.load("planar3r")), zones=found)
-    with pytest.raises(OptionError, match="without weights"):
-        pinsing.Monitor(form, zones=found, weights=[1, 2, 1, 1])
+    up = replace(found, posture=("elbow up",), within=("elbow up",))
+    planar = pinsing.closed_form(pinsing.load("planar3r"))
+    for of, options, said in (
+        (form, {"zones": up}, "give those of joint ranges"),
+        (planar, {"zones": found}, "zones are of scara"),
+        (form, {"zones": found, "weights": [1, 2, 1, 1]}, "without weights"),
+    ):
+        with pytest.raises(OptionError, match=said):
+            pinsing.Monitor(of, **options)
     chain = flatten(form.loaded)
     moved = replace(chain, t=chain.t + 1e-5)  # as another calibration of the same robot
     other = replace(form.loaded, model=chain_model(moved, form.loaded))
-    with pytest.raises(OptionError, match="in other places, as by another calibration"):
-        pinsing.export_guard(other, zones=found)
-    with pytest.raises(OptionError, match="in other places, as by another calibration"):
-        pinsing.export_guard(other, forms=form)
+    for given in ({"zones": found}, {"forms": form}):
+        with pytest.raises(OptionError, match="in other places, as by another calibration"):
+            pinsing.export_guard(other, **given)
 
 
 @pytest.mark.parametrize("speed", [0.5, 3.0])
