@@ -237,9 +237,8 @@ def test_the_families_are_the_same_in_a_child(forked, monkeypatch):
 def test_a_search_that_is_stopped_keeps_its_components_and_says_so(monkeypatch):
     """Every child is killed at once: what was found before is left, and nothing is complete."""
     monkeypatch.setattr(budget, "_LONG", 0.0)
-    monkeypatch.setattr(
-        Apart, "_wait", lambda self: (self._end(), budget.Outcome(None, [], "killed"))[1]
-    )
+    killed = budget.Outcome(None, [], "killed")
+    monkeypatch.setattr(Apart, "_wait", lambda self: (self._end(), killed)[1])
     found = pinsing.closed_form(pinsing.load("ur5"), prove=False)
     assert not found.complete
     assert found.word == "not complete"

@@ -23,12 +23,9 @@ def context_of(k):
 
 def random_poly(degrees, rng):
     """All monomials up to these degrees, with random coefficients."""
-    context = context_of(len(degrees))
-    terms = {
-        m: int(rng.integers(1, WORD_PRIME))
-        for m in itertools.product(*(range(d + 1) for d in degrees))
-    }
-    return context.from_dict(terms)
+    monomials = itertools.product(*(range(d + 1) for d in degrees))
+    terms = {m: int(rng.integers(1, WORD_PRIME)) for m in monomials}
+    return context_of(len(degrees)).from_dict(terms)
 
 
 def solve(polys, nonzero=None, check=lambda products: None):
@@ -87,13 +84,12 @@ def test_unwanted_zeros_are_left_out():
     x, y, z = context_of(3).gens()
     circle = x * x + 1
     p = circle * (y - 2) + x * (y - 5)
-    assert count(solve([p, y * z - 3, x * z - 7], {0: circle})) == count(
-        [s for s in solve([p, y * z - 3, x * z - 7]) if not value(circle, s).is_zero()]
-    )
+    polys = [p, y * z - 3, x * z - 7]
+    wanted = [s for s in solve(polys) if not value(circle, s).is_zero()]
+    assert count(solve(polys, {0: circle})) == count(wanted)
     # A whole line of unwanted ones does not hide the others.
-    found = solve(
-        [(x - 1) * z - (x * x + 1), (x - 1) * (y - 4) + circle * z, circle * y], {0: circle}
-    )
+    line = [(x - 1) * z - (x * x + 1), (x - 1) * (y - 4) + circle * z, circle * y]
+    found = solve(line, {0: circle})
     assert all(value(y, s).is_zero() for s in found)
     assert count(found) > 0
 

@@ -54,17 +54,14 @@ def test_rows_that_are_combinations_of_others_are_dropped_and_no_others(ring):
         free = [[entry(ring, draw) for _ in range(3)] for _ in range(draw.randint(1, 3))]
         # A monomial of its own each makes these independent.
         own = ring.context.gens()[0] ** 3
-        rows = [
-            [x + own**k if j == 1 else x for j, x in enumerate(r)] for k, r in enumerate(free, 1)
-        ]
+        rows = [[a, b + own**k, c] for k, (a, b, c) in enumerate(free, 1)]
         count = len(rows)
         for _ in range(draw.randint(0, 2)):
-            factors = [draw.randint(-2, 2) for _ in rows]
-            mixed = [
-                ring.reduce(sum((f * r[j] for f, r in zip(factors, rows, strict=False)), ring.zero))
-                for j in range(3)
-            ]
-            rows.insert(draw.randint(0, len(rows)), mixed)
+            mixed = [ring.zero] * 3
+            for row in rows:
+                factor = draw.randint(-2, 2)
+                mixed = [m + factor * x for m, x in zip(mixed, row, strict=True)]
+            rows.insert(draw.randint(0, len(rows)), [ring.reduce(x) for x in mixed])
         kept = independent_rows(rows, ring)
         assert len(kept) == count
         assert all(row in rows for row in kept)

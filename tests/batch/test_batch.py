@@ -6,14 +6,7 @@ import os
 import numpy as np
 import pytest
 from arms import pinocchio_jacobian
-from batch_cases import (
-    ROBOTS,
-    close,
-    lapack,
-    matrices,
-    random_chain,
-    reference_jacobian,
-)
+from batch_cases import ROBOTS, close, lapack, matrices, random_chain, reference_jacobian
 from command_line import python
 from kernel import require_kernel
 from tiers import sampled, tiered, tiered_rows
@@ -25,6 +18,8 @@ from pinsing.robot.nominal import flatten
 require_kernel()
 
 pytestmark = pytest.mark.parametrize("isa", engine.isa_names())
+LINK = Chain(np.array([np.eye(3)] * 2), np.array([[0.0, 0, 0], [1, 0, 0]]), np.array([False]))
+"""One joint about z, and its tip at x = 1."""
 
 
 # ---- Jacobians
@@ -51,19 +46,15 @@ def test_jacobians_equal_pinocchio(isa: str, name: str) -> None:
 
 
 def test_sine_and_cosine_at_any_angle(isa: str) -> None:
-    # Tip at x = 1 of one joint about z: vx = -sin q, vy = cos q, and nothing else.
-    chain = Chain(
-        np.tile(np.eye(3), (2, 1, 1)), np.array([[0.0, 0, 0], [1, 0, 0]]), np.zeros(1, dtype=bool)
-    )
+    # vx = -sin q, vy = cos q, and nothing else.
     rng = np.random.default_rng(1)
     parts = [rng.uniform(-b, b, 20_000) for b in (1e-3, 1, 7, 1e3, 1e5, 1e6, 1.1e6, 1e9, 1e300)]
     k = np.arange(-4000, 4001)
     near = (k * (np.pi / 2))[:, None] * (1 + np.finfo(float).eps * np.arange(-3, 4))
-    q = np.concatenate(
-        [*parts, near.ravel(), k * 157 * (np.pi / 4), 10.0 ** rng.uniform(-310, 0, 1000)]
-    )
-    q = np.concatenate([q, [0.0, -0.0, 1e6, -1e6, np.nextafter(1e6, 2e6), 1.7e308, 5e-324]])
-    J = engine.jacobians(chain, q[:, None], isa=isa)[:, :, 0]
+    parts += [near.ravel(), k * 157 * (np.pi / 4), 10.0 ** rng.uniform(-310, 0, 1000)]
+    parts.append([0.0, -0.0, 1e6, -1e6, np.nextafter(1e6, 2e6), 1.7e308, 5e-324])
+    q = np.concatenate(parts)
+    J = engine.jacobians(LINK, q[:, None], isa=isa)[:, :, 0]
     for got, expected in ((-J[:, 0], np.sin(q)), (J[:, 1], np.cos(q))):
         assert np.abs(got - expected).max() < 2e-16
         assert (np.abs(got - expected) <= 2 * np.spacing(np.abs(expected))).all()
@@ -188,14 +179,14 @@ def test_input_of_any_layout_is_read_and_left_alone(isa: str) -> None:
     J = engine.jacobians(chain, Q, isa=isa)
     padded = np.full((80, 11), np.nan)
     padded[::2, 1::2] = Q
-    for view in (np.asfortranarray(Q), padded[::2, 1::2], Q[::-1][::-1], Q.tolist()):
-        assert np.array_equal(S, engine.singular_values(chain, view, isa=isa))
-    whole = engine.jacobians(chain, np.rint(Q), isa=isa)
-    assert np.array_equal(whole, engine.jacobians(chain, np.rint(Q).astype(int), isa=isa))
     frozen = Q.copy()
     frozen.flags.writeable = False
-    assert np.array_equal(J, engine.jacobians(chain, frozen, isa=isa))
+    for view in (np.asfortranarray(Q), padded[::2, 1::2], Q[::-1][::-1], Q.tolist(), frozen):
+        assert np.array_equal(S, engine.singular_values(chain, view, isa=isa))
+        assert np.array_equal(J, engine.jacobians(chain, view, isa=isa))
     assert np.array_equal(frozen, Q)
+    whole = engine.jacobians(chain, np.rint(Q), isa=isa)
+    assert np.array_equal(whole, engine.jacobians(chain, np.rint(Q).astype(int), isa=isa))
     assert np.array_equal(engine.svdvals(np.asfortranarray(J), isa=isa), engine.svdvals(J, isa=isa))
 
 
@@ -315,6 +306,5 @@ def test_larger_matrices_go_to_lapack(isa: str) -> None:
 
 
 def test_jacobians_that_overflow_are_refused(isa: str) -> None:
-    chain = Chain(np.array([np.eye(3)] * 2), np.array([[0.0, 0, 0], [1, 0, 0]]), np.array([False]))
     with pytest.raises(ValueError, match="a Jacobian overflows"):
-        engine.singular_values(chain, np.zeros((3, 1)), length_scale=1e-320, isa=isa)
+        engine.singular_values(LINK, np.zeros((3, 1)), length_scale=1e-320, isa=isa)

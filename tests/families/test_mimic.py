@@ -100,9 +100,8 @@ def test_what_is_not_followed_is_said(kind, mimic, said):
 def test_an_offset_is_exact_or_said(angle):
     rows = [("revolute", ZERO), ("revolute", (0.5, 0, 0), Z, ZERO, follows(1, 1, angle)), TOOL]
     (_, drive), snaps = drives(nominal(load(chain_text(rows), task="position")))
-    assert [float(x) for x in drive.turn] == pytest.approx(
-        [np.cos(angle), np.sin(angle)], abs=1e-11
-    )
+    turn = [float(x) for x in drive.turn]
+    assert turn == pytest.approx([np.cos(angle), np.sin(angle)], abs=1e-11)
     assert sum(x * x for x in drive.turn) == 1
     assert snaps == () or angle == 1.0
     assert all(s.size < 1e-11 for s in snaps)

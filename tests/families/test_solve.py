@@ -471,44 +471,34 @@ def swapped(rows, new):
     return [(math.copysign(new, al) if abs(al) == 60 else al, a, d) for al, a, d in rows]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("twist", tiered([15, 30, 45, 60, 75], (15,)))
-def test_hollow_wrists(twist):
-    """Three wrist axes through one point, at any twist: the families of a PUMA."""
-    arm = dh_arm([*swapped(HOLLOW, twist), TOOL])
-    found = closed_form(arm)
-    assert found.snaps == ()
-    assert [f.proof for f in found.families] == ["algebra"] * 3
-    texts = [f.text for f in found.families]
-    assert "q5 = 0° or 180°" in texts
-    assert "0.43 cos q2 + 0.02 cos(q2+q3) - 0.43 sin(q2+q3) = 0" in texts
-    assert check_all(arm, found, 1e-10) > 100
+PUMAS = {"q5 = 0° or 180°", "0.43 cos q2 + 0.02 cos(q2+q3) - 0.43 sin(q2+q3) = 0"}
+# Rows, task, texts of some families, codimensions of all.
+TWISTED = {
+    # Three wrist axes through one point, at any twist: the families of a PUMA.
+    **{
+        f"hollow wrist, {twist}°": ([*swapped(HOLLOW, twist), TOOL], "pose", PUMAS, [1, 1, 1])
+        for twist in (15, 30, 45, 60, 75)
+    },
+    # Kinova's Jaco with the 60 degree wrist: one surface that does not fall apart.
+    "a wrist without a centre": (JACO, "pose", set(), [1]),
+    **{
+        f"seven joints, {twist}°": ([*swapped(SEVEN, twist), TOOL], "pose", set(), [1, 2, 2, 2])
+        for twist in (30, 45, 60)
+    },
+    # They lie in a plane at half turns only.
+    "axes that meet": ([(30, 0, 0.2), (60, 0, 0), TOOL], "orientation", {"q2 = 0° or 180°"}, [1]),
+}
 
 
-def test_a_wrist_without_a_centre():
-    """Kinova's Jaco with the 60 degree wrist: one surface that does not fall apart."""
-    arm = dh_arm(JACO)
-    found = closed_form(arm)
-    assert found.snaps == ()
-    (family,) = found.families
-    assert (family.codimension, family.proof) == (1, "algebra")
-    assert check_all(arm, found, 1e-10) > 100
-
-
-@pytest.mark.parametrize("twist", tiered([30, 45, 60], ()))
-def test_seven_joints(twist):
-    arm = dh_arm([*swapped(SEVEN, twist), TOOL])
+@pytest.mark.parametrize("name", tiered(TWISTED, {"a wrist without a centre", "axes that meet"}))
+def test_axes_at_other_angles(name):
+    rows, task, texts, codimensions = TWISTED[name]
+    arm = dh_arm(rows, task)
     found = closed_form(arm)
     assert (found.snaps, found.fully_decomposed) == ((), True)
-    assert sorted(f.codimension for f in found.families) == [1, 2, 2, 2]
-    assert check_all(arm, found, 1e-10) > 100
-
-
-def test_three_axes_that_meet():
-    """Three axes that meet, 30 and 60 degrees apart, lie in a plane at half turns only."""
-    arm = dh_arm([(30, 0, 0.2), (60, 0, 0), TOOL], "orientation")
-    found = closed_form(arm)
-    assert [f.text for f in found.families] == ["q2 = 0° or 180°"]
+    assert {f.proof for f in found.families} == {"algebra"}
+    assert sorted(f.codimension for f in found.families) == codimensions
+    assert texts <= {f.text for f in found.families}
     assert check_all(arm, found, 1e-10) > 100
 
 
@@ -533,14 +523,12 @@ def test_an_answer_about_another_geometry_says_so_first():
     assert (design.word, design.deviation.angle) == ("proven", pytest.approx(3.673e-6, rel=1e-3))
     assert "proven for the nominal design" in " ".join(str(design).split())
     said = "the nominal design: angles moved by at most 3.7e-06 rad (0.0002°), lengths as written"
-    assert said in str(design)
-    assert said in design.certificate["robot"]
-    assert said in design._repr_html_()
+    for text in (str(design), design.certificate["robot"], design._repr_html_()):
+        assert said in text
     assert coverage_words(design).startswith("Proven for the nominal design (angles moved by")
     assert ClosedForm.from_json(design.to_json()).deviation == design.deviation
     twisted = closed_form(dh_arm([(90, 0, 0.3), (52, 0.4, 0), (0, 0.3, 0), (0, 0.1, 0)]))
     assert twisted.deviation.angle == twisted.deviation.length == 0
     assert 0 < twisted.deviation.twist < 1e-11
-    assert "a rational geometry beside the file's: twists by at most" in " ".join(
-        str(twisted).split()
-    )
+    said = "a rational geometry beside the file's: twists by at most"
+    assert said in " ".join(str(twisted).split())

@@ -26,6 +26,14 @@ def _sympy():
     import sympy
 
 
+# What comments begin with, and where names of variables and ideals stand.
+FORMATS = {
+    "singular": ("//", r"ring R = 0,\(([^)]*)\),dp;", r"ideal (\w+) =([^;]*);"),
+    "maple": ("#", r"vars := \[([^]]*)\]:", r"(F\w+) := \[([^]]*)\]:"),
+    "sage": ("#", r'\[("[^]]*)\]', r"(F\w+) = R.ideal\(\[([^]]*)\]\)"),
+}
+
+
 def read(text, language):
     """Names of variables, and the polynomials of each system by its name."""
     if language == "msolve":
@@ -33,17 +41,10 @@ def read(text, language):
         assert zero == "0"
         assert not set("()#") & set(rest)
         return names.split(","), {"": [polynomial(p) for p in rest.split(",")]}
-    mark = {"singular": "//", "maple": "#", "sage": "#"}[language]
+    mark, names, ideals = FORMATS[language]
     plain = "\n".join(line for line in text.splitlines() if not line.startswith(mark))
-    if language == "singular":
-        names = re.search(r"ring R = 0,\(([^)]*)\),dp;", plain)[1].split(",")
-        found = re.findall(r"ideal (\w+) =([^;]*);", plain)
-    elif language == "maple":
-        names = re.search(r"vars := \[([^]]*)\]:", plain)[1].split(", ")
-        found = re.findall(r"(F\w+) := \[([^]]*)\]:", plain)
-    else:
-        names = re.findall(r'"(\w+)"', plain)
-        found = re.findall(r"(F\w+) = R.ideal\(\[([^]]*)\]\)", plain)
+    names = re.findall(r"\w+", re.search(names, plain)[1])
+    found = re.findall(ideals, plain)
     return names, {name: [polynomial(p) for p in body.split(",")] for name, body in found}
 
 
@@ -252,8 +253,7 @@ def test_dimensions(name):
     form = form_of(name) if name in ASKED[:-1] else pinsing.closed_form(dh_arm(HOLLOW))
     text = form.system()
     told = asked(text, *(f"dim(std({k}));" for k in ideals(text)))
-    names = re.search(r"^ring R = 0,\(([^)]*)\),dp;", text, re.M)[1].split(",")
-    joints = sum(n[0] in "cd" for n in names)
+    joints = sum(name[0] in "cd" for name in read(text, "singular")[0])
     for family in form.families:
         own = [int(d) for k, d in zip(ideals(text), told, strict=True) if k.startswith(family.name)]
         assert max(own) == joints - family.codimension

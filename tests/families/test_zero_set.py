@@ -223,9 +223,9 @@ def test_points_that_a_search_turned_beyond_the_limits_are_judged():
     assert pinsing.closed_form(arm, seconds=4, prove=False).families
 
 
-@pytest.fixture(scope="module")
-def touching():
-    """An arm with equations that touch zero, as 1 - sin q3 sin q4 does; its form; their family."""
+@pytest.mark.slow
+def test_points_of_touching_equations_are_singular_to_rounding(rng):
+    """Equations of one family touch zero, as 1 - sin q3 sin q4 does."""
     rows = [
         Joint(-RIGHT, -0.14, -0.16), Joint(a=0.46, d=0.37), Joint(np.pi, 0.15), Joint(RIGHT),
         Joint(-RIGHT, d=-0.42), Joint(slides=True),
@@ -233,13 +233,9 @@ def touching():
     arm = build(rows, task="vx,vy,wx,wy")
     form = closed_form(arm, seconds=60)
     (family,) = (f for f in form.families if f.confirm is not None)
-    return arm, form, family
-
-
-@pytest.mark.slow
-def test_points_of_touching_equations_are_singular_to_rounding(touching, rng):
-    arm, _, family = touching
     assert family.confirm.touching
+    assert "regular configurations" not in families_text(form)
+    assert len(form.families) > 1
     for q in (family.sample(20, rng), family.points(20, rng)):
         assert len(q) == 20
         assert drop(arm, q).max() < 1e-12
@@ -250,13 +246,6 @@ def test_points_of_touching_equations_are_singular_to_rounding(touching, rng):
         q[:, 2] += 0.01
         assert drop(arm, q).min() > 1e-6
         assert not family.contains(q).any()
-
-
-@pytest.mark.slow
-def test_touching_equations_are_not_said_to_hold_elsewhere_and_others_are_as_ever(touching):
-    form = touching[1]
-    assert "regular configurations" not in families_text(form)
-    assert len(form.families) > 1
 
 
 def test_random_starts_that_go_several_turns_round_are_not_taken_for_degrees(monkeypatch, rng):

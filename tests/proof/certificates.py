@@ -72,7 +72,7 @@ def without(data, *path):
     return data
 
 
-def other_lengths(data):
+def longer(data):
     """Copies with 20 mm more along one axis of a link, and of which."""
     for i, link in enumerate(data["chain"]):
         for axis, length in enumerate(link["translation"]):
@@ -84,7 +84,7 @@ def more(data, key, *items):
     return {**data, key: [*data[key], *items]}
 
 
-def case_of(data, wanted):
+def find(data, wanted):
     """Place and case of the first (place, case) that is wanted."""
     places = enumerate(data["places"])
     every = ((i, k, case) for i, place in places for k, case in enumerate(place["cases"]))

@@ -17,6 +17,7 @@ KEYS = {
     *("rows", "axes", "rank", "row_steps", "column_steps", "polynomials", "families", "places"),
 }
 TERM = re.compile(r"(-?[0-9]{1,400}(?:/[1-9][0-9]{0,399})?)((?:[xys][0-9]+(?:\^[1-9][0-9]?)?)*)")
+WEIGHT = re.compile("[1-9][0-9]*(/[1-9][0-9]*)?")
 POWER = re.compile(r"([xys][0-9]+)(?:\^([0-9]+))?")
 
 
@@ -124,11 +125,9 @@ class Ring:
 
     def coefficient(self, p, j, power):
         """Of y_j^power x_j^0 in p: a form in the other joints."""
-        terms = {}
-        for m, c in p.to_dict().items():
-            if m[2 * j] == 0 and m[2 * j + 1] == power:
-                terms[(*m[: 2 * j], 0, 0, *m[2 * j + 2 :])] = c
-        return self.ctx.from_dict(terms)
+        k = 2 * j
+        wanted = ((m, c) for m, c in p.to_dict().items() if m[k : k + 2] == (0, power))
+        return self.ctx.from_dict({(*m[:k], 0, 0, *m[k + 2 :]): c for m, c in wanted})
 
     def put(self, p, values):
         """P with joints at values {j: (x, y)}."""
@@ -162,15 +161,12 @@ class Ring:
         size = self.degree(p, j) + self.degree(q, j)
         if len(p.monoms()) * len(q.monoms()) * size > 10_000:
             return self.zero
-        ones = {f"x{j + 1}": self.one}
-        flat = [f.compose(*[ones.get(str(g), g) for g in self.ctx.gens()]) for f in (p, q)]
-        name = f"y{j + 1}"
+        flat = [f.subs({f"x{j + 1}": 1}) for f in (p, q)]
         tops = [self.coefficient(f, j, self.degree(f, j)) for f in (p, q)]
-        result = flat[0].resultant(flat[1], name)
-        if not tops[0]:
-            result *= tops[1]
-        if not tops[1]:
-            result *= tops[0]
+        result = flat[0].resultant(flat[1], f"y{j + 1}")
+        for top, other in (tops, tops[::-1]):
+            if not top:
+                result *= other
         return self.reduced(result)
 
     def same(self, p, q):
@@ -248,19 +244,18 @@ class Together:
         plain = Together(ring, forms)
         if plain.values and plain.forms != forms:
             return plain.at_least(c)
-        if plain.nowhere:
-            return True
+        if plain.nowhere or not plain.forms:
+            return plain.nowhere
         forms = plain.forms
-        if len(forms) == 0:
-            return False
         return self.missing(c, forms) or self.missing(c, [*forms, *self.eliminated(forms)])
 
     def eliminated(self, forms):
         """Resultants of all pairs in all joints of both, units out: zero on components, too."""
-        found = []
-        for p, q in combinations(forms, 2):
-            for j in set(self.ring.joints(p)) & set(self.ring.joints(q)):
-                found.append(self.ring.without_units(self.ring.resultant(p, q, j)))
+        found = [
+            self.ring.without_units(self.ring.resultant(p, q, j))
+            for p, q in combinations(forms, 2)
+            for j in set(self.ring.joints(p)) & set(self.ring.joints(q))
+        ]
         return [r for r in found if r]
 
     def missing(self, c, forms):
@@ -638,10 +633,7 @@ class Check:
                 need(len(weights) == len(parts), "weights: not one for each square")
                 factor, real = ring.zero, True
                 for text, part in zip(weights, parts, strict=True):
-                    positive = type(text) is str and re.fullmatch(
-                        "[1-9][0-9]*(/[1-9][0-9]*)?", text
-                    )
-                    need(positive, "weights: not positive")
+                    need(type(text) is str and WEIGHT.fullmatch(text), "weights: not positive")
                     factor += ring.reduced(ring.number(text) * part * part)
             else:
                 need(len(parts) == 1, "case: not one form")

@@ -3,17 +3,7 @@
 import json
 
 import pytest
-from certificates import (
-    case_of,
-    certificate,
-    more,
-    mutants,
-    other_lengths,
-    place_of,
-    put,
-    verdict,
-    without,
-)
+from certificates import certificate, find, longer, more, mutants, place_of, put, verdict, without
 from second_checker import second_verdict
 from tiers import tiered
 
@@ -35,7 +25,7 @@ def index(data, text):
 
 def squares_of(data):
     """Place and case of a sum of squares."""
-    return case_of(data, lambda i, case: case[1])
+    return find(data, lambda i, case: case[1])
 
 
 def family_of(name, forms, least):
@@ -344,9 +334,9 @@ def test_both_reject(name):
 
 
 @pytest.mark.parametrize("name", tiered(["scara", "stanford"], ("scara",)))
-def test_both_say_the_same_of_other_lengths(name):
+def test_both_say_the_same_of_longer(name):
     verdicts = set()
-    for where, data in other_lengths(certificate(name)):
+    for where, data in longer(certificate(name)):
         first, second = verdict(data), second_verdict(text_of(data))
         assert bool(first) == bool(second), (where, first, second)
         verdicts.add(bool(first))
