@@ -189,8 +189,8 @@ def test_a_five_bar_reaches_what_its_legs_reach_in_each_working_mode() -> None:
     x, y = np.meshgrid(found.x, found.y)
     rings = np.ones_like(x, dtype=bool)
     sure = np.ones_like(rings)
-    for side in dyad.sides:
-        away, arm, rod = abs(x + 1j * y - side.pivot), abs(side.arm), abs(side.rod)
+    for pivot, arm, rod in zip(dyad.pivots, abs(dyad.arms), dyad.rods, strict=True):
+        away = abs(x + 1j * y - pivot)
         most, least = arm + rod, abs(arm - rod)
         rings &= (away < most) & (away > least)
         sure &= (np.abs(away - most) > 0.03) & (np.abs(away - least) > 0.03)

@@ -634,7 +634,7 @@ def _checks(
         if name in swept
         for locus in forms.loci
         for value in roots(locus.equation, inputs, k)
-        if dyad.excess(np.where(np.arange(len(inputs)) == k, value, inputs)) <= ROUNDING
+        if dyad.close(np.where(np.arange(len(inputs)) == k, value, inputs), ROUNDING)
     ]
     met = [(p.moving, p.inputs) for p in points]
     missed = [

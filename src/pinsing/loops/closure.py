@@ -829,36 +829,31 @@ def ranks(mechanism: Mechanism) -> Ranks:
 
 
 @dataclass(frozen=True, eq=False)
-class Side:
-    """One half of the loop, in the plane: its vectors are complex numbers, metres, at zero."""
-
-    pivot: complex  # fixed point A
-    # joint that turns the crank A-B; None if the link of the dyad hangs on A itself (B = A)
-    crank: int | None
-    sense: float  # of that joint in the plane
-    arm: complex  # from A to B
-    pin: int  # passive joint at B
-    pin_sense: float  # of that joint
-    rod: complex  # from B to P
-
-    def turn(self, q: Array) -> Any:
-        """By what the crank turns its link (...) at q (..., n)."""
-        return _unit(0 * q[..., 0] if self.crank is None else self.sense * q[..., self.crank])
-
-
-@dataclass(frozen=True, eq=False)
 class Dyad:
-    """The loop of a mechanism that two links close in a pin; points are complex numbers, metres."""
+    """The loop of a mechanism that two links close in a pin P; points are complex numbers, metres.
+
+    Arrays have an entry for each side, the first as in the loop's first frame; vectors are those
+    with all joints at zero.
+    """
 
     mechanism: Mechanism  # the whole
-    sides: tuple[Side, Side]  # the first as in the loop's first frame
     basis: Array  # (2, 3): axes of the plane, in those of the root
+    pivots: Any  # fixed points A
+    arms: Any  # from A to B; none where the link of the dyad hangs on A itself (B = A)
+    links: Any  # from B to P
+    cranks: NDArray[np.int_]  # joints that turn the arms; -1 where there is none
+    senses: Array  # of these joints in the plane; 0 where there is none
+    pins: NDArray[np.int_]  # passive joints at B
+    pin_senses: Array
 
     @property
-    def rods(self) -> tuple[float, float]:
+    def rods(self) -> Array:
         """Lengths of both links, metres."""
-        one, two = self.sides
-        return abs(one.rod), abs(two.rod)
+        return np.asarray(abs(self.links))
+
+    def turns(self, q: Array) -> Any:
+        """By what the cranks turn their links (..., 2) at q (..., n)."""
+        return np.exp(1j * self.senses * q[..., self.cranks])
 
     def _driven(self, inputs: ArrayLike) -> Array:
         """Configurations (..., n) with passive joints at zero."""
@@ -866,45 +861,44 @@ class Dyad:
         q[..., list(self.mechanism.actuated)] = inputs
         return q
 
-    def ends(self, inputs: ArrayLike) -> tuple[Any, Any]:
-        """Points B1 and B2 (...) that the dyad hangs on, at inputs (..., n_a)."""
-        q = self._driven(inputs)
-        one, two = (side.pivot + side.turn(q) * side.arm for side in self.sides)
-        return one, two
+    def ends(self, inputs: ArrayLike) -> Any:
+        """Points B1 and B2 (..., 2) that the dyad hangs on, at inputs (..., n_a)."""
+        return self.pivots + self.turns(self._driven(inputs)) * self.arms
 
-    def pin(self, inputs: ArrayLike, left: bool) -> Any:
+    def pin(self, inputs: ArrayLike, left: bool, slack: float = NOISE) -> Any:
         """P (...) at inputs (..., n_a), to the left or right of B1 -> B2; NaN if infeasible."""
-        first, second = self.ends(inputs)
+        # Circles of the rods that miss each other by ``slack``, of a squared rod, touch.
+        first, second = np.moveaxis(self.ends(inputs), -1, 0)
         (d1, d2), distance = self.rods, abs(second - first)
         with np.errstate(invalid="ignore", divide="ignore"):
             along = (distance**2 + d1**2 - d2**2) / (2 * distance)
             square = d1**2 - along**2
-            square = np.where(np.abs(square) <= NOISE * d1**2, 0.0, square)
+            square = np.where(np.abs(square) <= slack * d1**2, 0.0, square)
             height = np.sqrt(square) * (1 if left else -1)
             return first + (along + 1j * height) * (second - first) / distance
 
-    def configuration(self, inputs: ArrayLike, left: bool) -> Array:
+    def configuration(self, inputs: ArrayLike, left: bool, slack: float = NOISE) -> Array:
         """All joints (..., n) of one assembly mode at inputs (..., n_a); NaN if infeasible."""
-        return self.reaching(inputs, self.pin(inputs, left))
+        return self.reaching(inputs, self.pin(inputs, left, slack))
 
     def reaching(self, inputs: ArrayLike, P: Any) -> Array:
         """All joints (..., n) at inputs (..., n_a) whose rods reach for P (...)."""
         q = self._driven(inputs)
-        for side, B in zip(self.sides, self.ends(inputs), strict=True):
-            q[..., side.pin] = side.pin_sense * np.angle((P - B) / (side.turn(q) * side.rod))
+        away = np.asarray(P)[..., None] - self.ends(inputs)
+        q[..., self.pins] = self.pin_senses * np.angle(away / (self.turns(q) * self.links))
         return self.mechanism.space.wrap(q)
 
-    def link_directions(self, q: ArrayLike, side: int) -> tuple[Any, Any]:
-        """Along the crank and the rod of a side, of length 1 (...), at q (..., n)."""
-        this, q = self.sides[side], np.asarray(q, dtype=float)
-        turned = this.turn(q)
-        rod = turned * _unit(this.pin_sense * q[..., this.pin]) * this.rod
-        return turned * _unit(np.angle(this.arm)), rod / abs(this.rod)
+    def bend(self, q: ArrayLike, leg: int | None) -> Any:
+        """Turn (...) from the crank to the rod of a leg, or from rod to rod, at q (..., n).
 
-    def elbow_sine(self, q: ArrayLike, side: int) -> Array:
-        """Sine (...) of the angle from crank to rod at q (..., n), zero if straight."""
-        crank, rod = self.link_directions(q, side)
-        return np.asarray((np.conj(crank) * rod).imag)
+        1 where they are stretched, -1 where folded.
+        """
+        q = np.asarray(q, dtype=float)
+        turned = np.exp(1j * self.pin_senses * q[..., self.pins]) * self.links / self.rods
+        if leg is not None:
+            return (turned * np.exp(-1j * np.angle(self.arms)))[..., leg]
+        one, two = np.moveaxis(self.turns(q) * turned, -1, 0)
+        return -np.conj(one) * two
 
     def at_pin(self) -> bool:
         """Whether the output is the position of the pin, in the plane."""
@@ -918,7 +912,7 @@ class Dyad:
         )
         return meets and position_in(self.basis, mechanism.task.rows)
 
-    def close(self, inputs: ArrayLike) -> tuple[Array, ...]:
+    def close(self, inputs: ArrayLike, slack: float = NOISE) -> tuple[Array, ...]:
         """Return all configurations (n,) at inputs (n_a,): two, one at type 2, or none."""
         # Two of many where both links are equally long and their ends coincide: P is free on a
         # circle.
@@ -927,41 +921,27 @@ class Dyad:
         d1, d2 = self.rods
         if abs(second - first) <= NOISE and np.isclose(d1, d2, rtol=1e-12):
             return tuple(self.reaching(inputs, first + way) for way in (d1, -d1))
-        ways = [self.configuration(inputs, left) for left in (True, False)]
+        ways = [self.configuration(inputs, left, slack) for left in (True, False)]
         found = [q for q in ways if np.isfinite(q).all()]
         return tuple(found[k] for k, *_ in groups(found, 1e-12, self.mechanism.space.wrap))
 
-    def excess(self, inputs: Array) -> float:
-        """By how much the ends are too far apart for the rods or too near, metres; or negative."""
-        first, second = self.ends(inputs)
-        (d1, d2), gap = self.rods, float(abs(second - first))
-        return max(gap - d1 - d2, abs(d1 - d2) - gap)
-
-    def touching(self, inputs: Array) -> tuple[Array, ...]:
-        """The one configuration where the circles of the rods touch, for inputs off by rounding."""
-        first, second = self.ends(inputs)
-        (d1, d2), gap = self.rods, abs(second - first)
-        if abs(self.excess(inputs)) > 1e-9 or gap == 0:
-            return ()
-        along = np.sign(gap**2 + d1**2 - d2**2) * d1
-        return (self.reaching(inputs, first + along * (second - first) / gap),)
-
     def working_modes(self, point: complex) -> tuple[Array, ...]:
         """All configurations (n,) that put the pin at a point of the plane: up to four."""
-        choices: list[list[dict[int, float]]] = []
-        for side in self.sides:
-            far, length, rod = abs(point - side.pivot), abs(side.arm), abs(side.rod)
-            if side.crank is None:
-                choices.append([{}] if abs(far - rod) <= 1e-9 * rod else [])
+        values: list[list[float]] = []
+        sides = zip(self.pivots, self.arms, self.rods, self.cranks, self.senses, strict=True)
+        for pivot, arm, rod, crank, sense in sides:
+            far, length = abs(point - pivot), abs(arm)
+            if crank < 0:
+                values.append([0.0] if abs(far - rod) <= 1e-9 * rod else [])
                 continue
             cosine = (far**2 + length**2 - rod**2) / (2 * far * length) if far > 0 else np.inf
-            away = float(np.angle((point - side.pivot) / side.arm))
+            away = float(np.angle((point - pivot) / arm))
             bend = float(np.arccos(np.clip(cosine, -1, 1)))
             turns = [] if abs(cosine) > 1 + NOISE else [bend, -bend] if bend > 0 else [0.0]
-            choices.append([{side.crank: side.sense * (away + turn)} for turn in turns])
-        every = (one | two for one, two in itertools.product(*choices))
-        actuated = self.mechanism.actuated
-        return tuple(self.reaching([values[j] for j in actuated], point) for values in every)
+            values.append([sense * (away + turn) for turn in turns])
+        order = [self.cranks.tolist().index(j) for j in self.mechanism.actuated]
+        every = itertools.product(*values)
+        return tuple(self.reaching(np.array(pair)[order], point) for pair in every)
 
 
 @kept
@@ -975,25 +955,19 @@ def planar_dyad(mechanism: Mechanism) -> Dyad | None:
         return None
     basis, normal = plane[0][:2], plane[0][2]
     paths = [path_to(mechanism, body) for body in bodies(mechanism)[0]]
-    ends = [np.array(zero.frames[k].translation) for (k,) in closing(mechanism)]
+    ends = np.array([zero.frames[k].translation for (k,) in closing(mechanism)])
     # Ends that miss each other along the axes never close as points in space.
     apart = kinds == ["3d"] and abs(float((ends[0] - ends[1]) @ normal)) > 1e-9
-    if apart or sum(map(len, paths)) != mechanism.n:
+    driven = [[j in mechanism.actuated for j in path] for path in paths]
+    if apart or sum(map(len, paths)) != mechanism.n or any(
+        x not in ([True, False], [False]) for x in driven
+    ):  # fmt: skip
+        return None
+    first, pins = np.array([[path[0], path[-1]] for path in paths]).T
+    cranks = np.where(first == pins, -1, first)
+    A, B, P = ((x @ basis.T) @ [1, 1j] for x in (zero.origins[first], zero.origins[pins], ends))
+    if (P == B).any() or ((B == A) & (cranks >= 0)).any():
         return None
     senses = np.sign(zero.axis @ normal)
-    sides = []
-    for path, end in zip(paths, ends, strict=True):
-        if [j in mechanism.actuated for j in path] not in ([True, False], [False]):
-            return None
-        first, last = path[0], path[-1]
-        A, B, P = (complex(*(basis @ x)) for x in (*zero.origins[[first, last]], end))
-        crank = None if first == last else first
-        if P == B or (B == A and crank is not None):
-            return None
-        sense = 1.0 if crank is None else float(senses[crank])
-        sides.append(Side(A, crank, sense, B - A, last, float(senses[last]), P - B))
-    return Dyad(mechanism, (sides[0], sides[1]), basis)
-
-
-def _unit(angle: ArrayLike) -> Any:
-    return np.exp(1j * np.asarray(angle))
+    cranked = np.where(cranks < 0, 0.0, senses[cranks])
+    return Dyad(mechanism, basis, A, B - A, P - B, cranks, cranked, pins, senses[pins])

@@ -180,9 +180,10 @@ def loop_forms(mechanism: Mechanism) -> LoopForms | None:
     notes = list(system.notes)
     # Legs whose stretching loses an output direction: of the pin all, of the link that the dyad
     # drives, the other one's.
-    legs = [k for k, side in enumerate(dyad.sides) if side.crank is not None]
-    output = int(mechanism.model.frames[mechanism.output_id].parentJoint) - 1
-    known = dyad.at_pin() if len(legs) == 2 else output == dyad.sides[1 - legs[0]].pin
+    legs = np.flatnonzero(dyad.cranks >= 0).tolist()
+    known = dyad.at_pin() if len(legs) == 2 else (
+        structure(mechanism).output - 1 == dyad.pins[1 - legs[0]]
+    )  # fmt: skip
     if not known:
         notes.append(
             f"type 1 loci are left out: the output {mechanism.output} ({mechanism.task}) is "
@@ -211,30 +212,36 @@ class _LoopEquations:
     def __init__(self, dyad: Dyad) -> None:
         self.dyad = dyad
         self.notes: list[str] = []
-        actuated = dyad.mechanism.actuated
-        cranks = [actuated.index(s.crank) for s in dyad.sides if s.crank is not None]
+        actuated, cranks = dyad.mechanism.actuated, dyad.cranks.tolist()
         OptionError.refuse_if(
-            sorted(cranks) != list(range(len(actuated))),
+            sorted(j for j in cranks if j >= 0) != sorted(actuated),
             "every input must turn a crank of the loop",
         )
         self.ring: Ring = make_ring([False] * len(actuated))
-        self.offset = np.zeros(len(actuated))
+        gens, one, zero = self.ring.context.gens(), self.ring.one, self.ring.zero
         # Directions of the cranks times w; a fixed pivot is one of length zero that stays.
-        self.w: list[Poly] = []
-        self.direction: list[tuple[Poly, Poly]] = []
-        for side in dyad.sides:
-            x, y = self.ring.one, self.ring.zero
-            if side.crank is not None:
-                j = actuated.index(side.crank)
-                x, y = (self.ring.context.gens()[k] for k in self.ring.variables(j))
-                # angle = sense q + that at zero = sense (q + offset)
-                self.offset[j] = side.sense * np.angle(side.arm)
-            self.w.append(x**2 + y**2)
-            self.direction.append((x**2 - y**2, 2 * int(side.sense) * x * y))
-        self.cranks = [self._exact(abs(side.arm), "crank") for side in dyad.sides]
-        pivots = [(side.pivot.real, side.pivot.imag) for side in dyad.sides]
-        self.pivots = [[self._exact(x, "pivot") for x in at] for at in pivots]
-        self.rods = tuple(self._exact(rod, "rod") for rod in dyad.rods)
+        half = [
+            [gens[k] for k in self.ring.variables(actuated.index(j))] if j >= 0 else [one, zero]
+            for j in cranks
+        ]
+        self.w = [x**2 + y**2 for x, y in half]
+        self.direction = [
+            (x**2 - y**2, 2 * int(sense) * x * y)
+            for (x, y), sense in zip(half, dyad.senses, strict=True)
+        ]
+        self.cranks, pivots, self.rods = (
+            [self._exact(float(x), what) for x in values]
+            for what, values in (
+                ("crank", abs(dyad.arms)),
+                ("pivot", np.column_stack([dyad.pivots.real, dyad.pivots.imag]).ravel()),
+                ("rod", dyad.rods),
+            )
+        )
+        self.pivots = pivots[:2], pivots[2:]
+        # Of each input the side whose crank it turns; angle = sense q + that at zero = sense (q +
+        # offset).
+        self.sides = [cranks.index(j) for j in actuated]
+        self.offset = (dyad.senses * np.angle(dyad.arms))[self.sides]
         self.tried = np.random.default_rng(6151).uniform(-np.pi, np.pi, (60, len(actuated)))
 
     def _exact(self, value: float, what: str) -> Any:
@@ -265,13 +272,12 @@ class _LoopEquations:
     def loci(self, leg: int | None, inputs: Poly, sense: int) -> list[Locus]:
         """The factors that have real points; ``leg``, ``sense`` as in `in_line`."""
         dyad, square, kind = self.dyad, self.square(), "type 2" if leg is None else "type 1"
-        gap = dyad.sides[1].pivot - dyad.sides[0].pivot
+        gap = dyad.pivots[1] - dyad.pivots[0]
         # Lengths that turn about the pivots: the cranks, that of a leg with its rod along it.
-        arms = [
-            abs(side.arm) + (sense * abs(side.rod) if leg == k else 0.0)
-            for k, side in enumerate(dyad.sides)
-        ]
-        extremes = _extremes(dyad, gap, arms)
+        arms = abs(dyad.arms) + sense * dyad.rods * [leg == 0, leg == 1]
+        extremes = self._extremes(gap, *arms.tolist())
+        ends = [f"{'A' if j < 0 else 'B'}{k}" for k, j in enumerate(dyad.cranks, 1)]
+        line = f"{', P, '.join(ends)}" if leg is None else f"A{leg + 1}, B{leg + 1}, P"
         out = []
         for factor in self.ring.factors(inputs):
             form = equation(factor, self.ring, dyad.mechanism.inputs, self.offset)
@@ -289,24 +295,38 @@ class _LoopEquations:
             # It touches zero only where all is in line or two ends meet: at single points if both
             # inputs and the distance of their pivots count, else all along one of the inputs.
             single = 0 in (values.min(), values.max())
-            both = coincide or (single and len(form.involved) == 2)
-            points_only = gap != 0 and both
+            points_only = gap != 0 and (coincide or (single and len(form.involved) == 2))
             candidates = touching if points_only else self._on(form, extremes)
             witness = _witness(dyad, leg, candidates, points_only, sense)
-            ends = [f"{'A' if s.crank is None else 'B'}{k}" for k, s in enumerate(dyad.sides, 1)]
-            line = f"{', P, '.join(ends)}" if leg is None else f"A{leg + 1}, B{leg + 1}, P"
             words = f"{line} in line, {'stretched' if sense > 0 else 'folded'}"
             words = "B1 and B2 coincide and P turns about them" if coincide else words
             # In square metres, up to sign: squared distance minus squared reach. Type 2: |B1 B2|^2
             # - (d1 +- d2)^2. Type 1 of leg 1: |A1 + (l1 +- d1) e1 - B2|^2 - d2^2. The cosine rule
             # gives the coefficient of the highest frequency, and with it the scale.
-            reach = arms if len(form.joints) > 1 else [x or abs(gap) for x in arms]
+            reach = arms if len(form.joints) > 1 else np.where(arms == 0, abs(gap), arms)
             top = int(np.argmax(np.abs(form.frequencies).sum(axis=1)))
-            size = float(np.hypot(form.cos, form.sin)[top])
-            target = 2 * abs(reach[0] * reach[1])
-            form = form.scaled(target / size) if target > 1e-12 else form
-            out.append(Locus(kind, words, form, points_only, witness))
+            target = 2 * abs(float(np.prod(reach)))
+            if target > 1e-12:
+                form = form.scaled(target / float(np.hypot(form.cos, form.sin)[top]))
+            out.append(Locus(kind, words, form, bool(points_only), witness))
         return out
+
+    def _extremes(self, gap: complex, one: float, two: float) -> Array:
+        """Inputs (k, n_a) at which the distance of two arms' ends is extreme: they tell of a locus.
+
+        It is stationary where both arms, which turn about pivots a ``gap`` apart, lie on the line
+        of the pivots, and least where the ends meet.
+        """
+        far, along, dyad = abs(gap), float(np.angle(gap)), self.dyad
+        found = [(along + a, along + b) for a in (0.0, np.pi) for b in (0.0, np.pi)]
+        # One is less than nothing where a rod is folded over a shorter crank.
+        if far > 0 and one != 0 and abs(abs(one) - abs(two)) <= far <= abs(one) + abs(two):
+            bend = float(np.arccos(np.clip((far**2 + one**2 - two**2) / (2 * far * one), -1, 1)))
+            for turn in (bend, -bend):
+                away = one * np.exp(1j * turn) - far
+                found.append((along + turn, along + float(np.angle(away if two > 0 else -away))))
+        out = (dyad.senses * (np.array(found) - np.angle(dyad.arms)))[:, self.sides]
+        return np.asarray(np.pi - np.mod(np.pi - out, 2 * np.pi))
 
     def _on(self, form: Equation, extremes: Array) -> Iterator[Array]:
         """Yield inputs on a locus, as they are asked for: most often the first will do."""
@@ -318,40 +338,17 @@ class _LoopEquations:
                     yield np.where(np.arange(n) == free, value, base)
 
 
-def _extremes(dyad: Dyad, gap: complex, arms: Sequence[float]) -> Array:
-    """Inputs (k, n_a) at which the distance of two arms' ends is extreme: they decide on a locus.
-
-    It is stationary where both arms, which turn about pivots a ``gap`` apart, lie on the line of
-    the pivots, and least where the ends meet.
-    """
-    far, along = abs(gap), float(np.angle(gap))
-    found = [(along + a, along + b) for a in (0.0, np.pi) for b in (0.0, np.pi)]
-    one, two = arms  # less than nothing where a rod is folded over a shorter crank
-    if far > 0 and one != 0 and abs(abs(one) - abs(two)) <= far <= abs(one) + abs(two):
-        bend = float(np.arccos(np.clip((far**2 + one**2 - two**2) / (2 * far * one), -1, 1)))
-        for turn in (bend, -bend):
-            away = one * np.exp(1j * turn) - far
-            found.append((along + turn, along + float(np.angle(away if two > 0 else -away))))
-    out = np.zeros((len(found), len(dyad.mechanism.inputs)))
-    for side, angle in zip(dyad.sides, np.array(found).T, strict=True):
-        if side.crank is not None:
-            k = dyad.mechanism.actuated.index(side.crank)
-            out[:, k] = side.sense * (angle - np.angle(side.arm))
-    return np.pi - np.mod(np.pi - out, 2 * np.pi)
-
-
 def _witness(
     dyad: Dyad, leg: int | None, candidates: Iterable[Array], points_only: bool, sense: int
 ) -> SingularPoint | None:
     """A verified configuration at one of some inputs, in line as asked for."""
     mechanism = dyad.mechanism
     held = [] if points_only else list(mechanism.actuated[:-1])
-    for q in itertools.chain.from_iterable(dyad.close(x) or dyad.touching(x) for x in candidates):
-        straight = leg is None or abs(float(dyad.elbow_sine(q, leg))) <= 1e-6
-        # Unit vectors that agree where a leg, or both rods, are stretched.
-        links = [dyad.link_directions(q, k) for k in (0, 1)]
-        first, second = (links[0][1], -links[1][1]) if leg is None else links[leg]
-        if straight and sense * float((np.conj(first) * second).real) >= 0:
+    # Inputs are off by rounding.
+    ways = (dyad.close(x) or dyad.close(x, ROUNDING) for x in candidates)
+    for q in itertools.chain.from_iterable(ways):
+        bend = dyad.bend(q, leg)
+        if (leg is None or abs(bend.imag) <= 1e-6) and sense * bend.real >= 0:
             point = refine_point(mechanism, q, "type 2" if leg is None else "type 1", held)
             if point.converged and np.abs(mechanism.space.wrap(point.q - q)).max() < 1e-3:
                 return point

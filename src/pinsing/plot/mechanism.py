@@ -85,7 +85,7 @@ def input_map(
     d = np.degrees if degrees else np.asarray
     ax.contourf(d(x), d(y), closed.astype(float), levels=[0.5, 1.5], colors=[_FEASIBLE])
     ax.fill([], [], color=_FEASIBLE, label="loops close")
-    distance, (one, two) = abs(np.subtract(*dyad.ends(grid))), dyad.rods
+    distance, (one, two) = abs(np.diff(dyad.ends(grid)))[..., 0], dyad.rods
     for reach, style in ((one + two, "-"), (abs(one - two), "--")):
         if reach > 0:
             said = "type 2: B1, P, B2 in line"
@@ -110,8 +110,7 @@ def _type_1(mechanism: Mechanism, dyad: Dyad, q: Array) -> Iterator[tuple[Array,
     # Of an output that is the pin: of each leg, stretched and folded; else equations in the angles.
     if dyad.at_pin():
         for leg in (0, 1):
-            crank, rod = dyad.link_directions(q, leg)
-            bend = np.conj(crank) * rod
+            bend = dyad.bend(q, leg)
             for sense, style, how in ((1, "-", "stretched"), (-1, "--", "folded")):
                 left = np.where(sense * bend.real > 0, bend.imag, np.nan)
                 yield left, style, f"type 1: a leg {how}"
@@ -211,9 +210,9 @@ def _isolated(mechanism: Mechanism, dyad: Dyad) -> list[tuple[str, Array]]:
     loci = () if forms is None else forms.loci
     out = [(x.kind, x.witness.inputs) for x in loci if x.points_only and x.witness]
     # Mirrored about the line of the pivots it is another, or itself where all is in line.
-    axis = np.angle(dyad.sides[1].pivot - dyad.sides[0].pivot)
-    turns = {s.crank: 2 * s.sense * (axis - np.angle(s.arm)) for s in dyad.sides}
-    turn = np.array([turns[j] for j in mechanism.actuated])
+    axis = np.angle(dyad.pivots[1] - dyad.pivots[0])
+    turns = 2 * dyad.senses * (axis - np.angle(dyad.arms))
+    turn = turns[[dyad.cranks.tolist().index(j) for j in mechanism.actuated]]
     return [*out, *((kind, (turn - p + np.pi) % (2 * np.pi) - np.pi) for kind, p in out)]
 
 
