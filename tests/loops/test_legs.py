@@ -153,8 +153,11 @@ def test_leg_lengths_at_which_the_lines_meet_are_on_the_locus(seed, tmp_path):
     rng = np.random.default_rng(seed)
     base, platform = triangles(seed)
     found = input_loci(planar(tmp_path, Way("rpr", base=base, platform=platform)))
-    assert found
     on, beside = [], []
+    if seed % 2:
+        # Turned alike, the triangles are singular at every position.
+        alike = lengths(base, platform, rng.uniform(-1, 1, 2), -np.pi / 3)
+        on.append(min(relative(x, alike) for x in found))
     for _ in range(12):
         rho = lengths(base, platform, *pose_with_lines_through_a_point(base, platform, rng))
         other = lengths(base, platform, rng.uniform(-1, 1, 2), rng.uniform(-np.pi, np.pi))

@@ -46,7 +46,7 @@ import numpy as np
 import pinocchio as pin
 from flint import Ordering, fmpq_mpoly_ctx, fmpq_poly
 
-from pinsing.algebra.ring import Poly, divided_by, fraction, rational
+from pinsing.algebra.ring import Poly, coefficients_by, divided_by, rational
 from pinsing.loops.closure import (
     PLANE,
     SPACE,
@@ -64,7 +64,7 @@ from pinsing.loops.closure import (
 )
 from pinsing.loops.forms import PoseEquation, exact_points, pose_equation
 from pinsing.loops.motion import home
-from pinsing.measures import ROUNDING, SEED, Array, ArrayLike
+from pinsing.measures import ROUNDING, Array, ArrayLike
 from pinsing.robot.arm import kept
 from pinsing.robot.mechanism import Mechanism, Sample, closing, path_to
 
@@ -631,45 +631,25 @@ def input_loci(mechanism: Mechanism) -> tuple[PoseEquation, ...]:
     context = fmpq_mpoly_ctx.get(["t", "r0", "r1", "r2"], Ordering.degrevlex)
     plane = [(rational(x), rational(y)) for x, y, _ in exact.vectors]
     t, *squares = context.gens()
-    poly, _ = _poses(t, plane[1::2], plane[::2], squares, exact.square, (1, 0))
-    whole: Any = poly.discriminant("t") if int(poly.degrees()[0]) == 6 else 0
+    poly, below = _poses(t, plane[1::2], plane[::2], squares, exact.square, (1, 0))
+    if int(poly.degrees()[0]) != 6:
+        return ()
+    # Of similar triangles there are complex turns that have poses whatever the inputs are.
+    always = poly.gcd(below)
+    poly = poly if always.is_constant() else divided_by(poly, always)
+    whole = poly.discriminant("t")
     if whole == 0:
         return ()
+    # Poses of one orientation that do not coincide are in the discriminant too: what divides the
+    # position is zero there. For half a turn that has a lower degree, and t is infinite.
+    apart = poly.resultant(below, "t")
+    if int(below.degrees()[0]) < 4:
+        apart *= max(coefficients_by(poly, (0,)).items())[1]
     names = tuple(length_name(mechanism, rod) for rod in found.rods)
-    samples = _singular_squares(found)
-    # Poses of one orientation that do not coincide are in the discriminant too.
-    factors = (f for f, _ in whole.factor()[1] if any(_vanishes(f, at) for at in samples))
+    factors = (f for f, _ in whole.factor()[1] if divmod(apart, f)[1] != 0)
     stated = (pose_equation(f, ("t", *names)) for f in factors)
     # In the inputs, not in their squares, and without t.
     return tuple(replace(x, names=names, powers=2 * x.powers[:, 1:]) for x in stated)
-
-
-def _singular_squares(found: Rods) -> list[Array]:
-    """Squared lengths (3,), complex, at random singular poses of the platform."""
-    rng = np.random.default_rng(SEED)
-    out: list[Array] = []
-    for _ in range(6):
-        angle, y = rng.uniform(-np.pi, np.pi), rng.normal()
-        R = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-        turned = [R @ rod.outer[:2] for rod in found.rods]
-
-        def lines(x: complex, turned: list[Array] = turned, y: float = y) -> Array:
-            B, C = turned + np.array([x, y]), np.array([rod.inner[:2] for rod in found.rods])
-            return np.column_stack([B - C, C[:, 0] * B[:, 1] - C[:, 1] * B[:, 0]])
-
-        # Quadratic in x.
-        at = np.array([-1.0, 0.0, 1.0])
-        values = [np.linalg.det(lines(complex(x))) for x in at]
-        for x in np.roots(np.polyfit(at, values, 2)):
-            out.append((lines(complex(x))[:, :2] ** 2).sum(axis=1))
-    return out
-
-
-def _vanishes(factor: Poly, at: Array) -> bool:
-    terms = [([int(e) for e in m][1:], fraction(c)) for m, c in factor.to_dict().items()]
-    lead = max(abs(c) for _, c in terms)
-    values = np.array([float(c / lead) * np.prod(at**powers) for powers, c in terms])
-    return bool(abs(values.sum()) <= 1e-7 * np.abs(values).sum())
 
 
 LOOP = -1

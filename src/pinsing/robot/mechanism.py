@@ -18,7 +18,7 @@ freedom of the mechanism. One passive hinge is held where it is at home, and tha
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -403,135 +403,113 @@ def without_idle_spins(mechanism: Mechanism, keep_output: bool = True) -> Mechan
     return replace(mechanism, notes=(*mechanism.notes, note))
 
 
-class _SpanningTree:
-    """Runs of joints that nothing else is fixed between, their balls, and what loops hold."""
+@dataclass(frozen=True, eq=False)
+class _Chain:
+    """Joints that nothing else is fixed between; behind a weld those of its other side."""
 
-    def __init__(self, mechanism: Mechanism, keep_output: bool) -> None:
-        self.mechanism, model, n = mechanism, mechanism.model, mechanism.n
-        output = int(model.frames[mechanism.output_id].parentJoint) if keep_output else -1
-        after = [[int(child) - 1 for child in children] for children in model.children]
-        # Of each body the frames that loops hold there, those they hold them to, and how.
-        self.cuts: list[list[tuple[int, int, str]]] = [[] for _ in range(n + 1)]
-        for loop, a, b in zip(mechanism.loops, *closing(mechanism), strict=True):
-            for one, two in ((a, b), (b, a)):
-                self.cuts[int(model.frames[one].parentJoint)].append((one, two, loop.kind))
-        rng = np.random.default_rng(2203)
-        # At home a slide may have no length yet.
-        home = np.where(mechanism.prismatic & (mechanism.home == 0), 1.0, mechanism.home)
-        self.samples = [Sample(mechanism, q) for q in (*rng.uniform(0.3, 1.2, (2, n)), home)]
-        self.hinge = [j in mechanism.passive and not mechanism.prismatic[j] for j in range(n)]
-        behind = [
-            after[j + 1][0]
-            if j + 1 != output and not self.cuts[j + 1] and len(after[j + 1]) == 1
-            else None
-            for j in range(n)
-        ]
-        runs = [[j] for j in range(n) if j not in behind]
-        for run in runs:
-            while (following := behind[run[-1]]) is not None:
-                run.append(following)
-        # Of each joint its run and place there.
-        self.place = {j: (run, k) for run in runs for k, j in enumerate(run)}
-        # Runs that end in one loop and nothing else.
-        self.ends = {
-            j: self.cuts[j + 1][0]
-            for *_, j in runs
-            if j + 1 != output and not after[j + 1] and len(self.cuts[j + 1]) == 1
-        }
-        # By its first joint, three passive hinges, and the points (samples, 3) where axes meet.
-        self.balls: dict[int, Array] = {}
-        for joint, (run, k) in self.place.items():
-            three = run[k : k + 3]
-            if len(three) == 3 and all(self.hinge[j] for j in three):
-                axes = [s.axis[three] for s in self.samples]
-                points = [s.origins[three] for s in self.samples]
-                found = [p for p in map(meeting_point, axes, points) if p is not None]
-                if len(found) == len(axes) and np.abs(np.linalg.det(axes)).max() > ALIKE:
-                    self.balls[joint] = np.array(found)
+    joints: list[int]
+    own: int  # how many of them are before the weld
+    axes: Array  # (S, k, 3): at the samples, as seen from this side
+    points: Array  # (S, k, 3): on the axes
+    end: Array | None  # (S, 3): where a loop holds the last link at a point
 
-    def far(self, joint: int) -> Array | None:
-        """Centre (samples, 3) of the next ball outwards from the body of a joint."""
-        run, k = self.place[joint]
-        for j in run[k + 1 :]:
-            if j in self.balls:
-                return self.balls[j]
-        a, b, kind = self.ends.get(run[-1], (0, 0, ""))
+    def through(self, k: int, points: Array) -> bool:
+        """Whether the axis of joint k passes through points (S, 3)."""
+        off = np.linalg.norm(np.cross(points - self.points[:, k], self.axes[:, k]), axis=1)
+        return bool((off <= ROUNDING * np.maximum(1.0, np.abs(points).max(axis=1))).all())
+
+
+def _chains(mechanism: Mechanism, keep_output: bool) -> Iterator[_Chain]:
+    """Yield all joints in chains."""
+    model, n = mechanism.model, mechanism.n
+    output = int(model.frames[mechanism.output_id].parentJoint) if keep_output else -1
+    after = [[int(child) - 1 for child in children] for children in model.children]
+    # Of each body the frames that loops hold there, those they hold them to, and how.
+    cuts: list[list[tuple[int, int, str]]] = [[] for _ in range(n + 1)]
+    for loop, a, b in zip(mechanism.loops, *closing(mechanism), strict=True):
+        for one, two in ((a, b), (b, a)):
+            cuts[int(model.frames[one].parentJoint)].append((one, two, loop.kind))
+    behind = [
+        after[j + 1][0] if j + 1 != output and not cuts[j + 1] and len(after[j + 1]) == 1 else None
+        for j in range(n)
+    ]
+    runs = [[j] for j in range(n) if j not in behind]
+    for run in runs:
+        while (following := behind[run[-1]]) is not None:
+            run.append(following)
+    # By their last links those that end in one loop and nothing else.
+    ends = {x[-1] + 1: x for x in runs if not after[x[-1] + 1] and len(cuts[x[-1] + 1]) == 1}
+    rng = np.random.default_rng(2203)
+    # At home a slide may have no length yet.
+    home = np.where(mechanism.prismatic & (mechanism.home == 0), 1.0, mechanism.home)
+    samples = [Sample(mechanism, q) for q in (*rng.uniform(0.3, 1.2, (2, n)), home)]
+    for run in runs:
+        joints, end, seen = run, None, [(s.axis[run], s.origins[run]) for s in samples]
+        a, b, kind = cuts[run[-1] + 1][0] if run[-1] + 1 in ends.keys() - {output} else (0, 0, "")
         if kind == "3d":
-            return np.array([s.frames[a].translation for s in self.samples])
-        # The first ball on the other side of a weld, seen from this side.
-        other = int(self.mechanism.model.frames[b].parentJoint) - 1
-        if kind != "6d" or self.ends.get(other, ("", "", ""))[2] != "6d":
-            return None
-        centre = self.near(other)
-        if centre is None:
-            return None
-        pairs = zip(self.samples, centre, strict=True)
-        return np.array([s.frames[a].act(s.frames[b].actInv(c)) for s, c in pairs])
-
-    def near(self, joint: int) -> Array | None:
-        """Centre (samples, 3) of the next ball inwards, of which ``joint`` may be the last."""
-        run, k = self.place[joint]
-        found = [self.balls[j] for j in run[: max(k - 1, 0)] if j in self.balls]
-        return found[-1] if found else None
+            end = np.array([s.frames[a].translation for s in samples])
+        elif kind == "6d" and (other := int(model.frames[b].parentJoint)) in ends:
+            # Of those to the output only the last may be of interest: this one, written twice.
+            back = ends[other][::-1] if other != output else ends[other][-1:]
+            joints = run + back
+            for k, s in enumerate(samples):
+                over = s.frames[a] * s.frames[b].inverse()
+                axes = s.axis[back] @ over.rotation.T
+                points = s.origins[back] @ over.rotation.T + over.translation
+                seen[k] = np.vstack([seen[k][0], axes]), np.vstack([seen[k][1], points])
+        axes, points = map(np.array, zip(*seen, strict=True))
+        yield _Chain(joints, len(run), axes, points, end)
 
 
 def _idle(mechanism: Mechanism, keep_output: bool) -> int | None:
     """A hinge to hold, or None where no link spins idly."""
-    tree = _SpanningTree(mechanism, keep_output)
-    for first in sorted(tree.balls):
-        run, k = tree.place[first]
-        if (far := tree.far(run[k + 2])) is not None:
-            return _best(tree, run[k : k + 3], tree.balls[first], far)
-    for joint in (j for j, turns in enumerate(tree.hinge) if turns):
-        run, k = tree.place[joint]
-        balls = tree.far(joint), tree.near(run[k - 1]) if k else None
-        if any(_through(tree, joint, ball) for ball in balls) or _twice(tree, joint):
-            return joint
-    return None
+    # Links between two balls first, then hinges, in the order of the joints.
+    chains = _chains(mechanism, keep_output)
+    found = [x for chain in chains for x in _spins(mechanism, chain)]
+    return min(found)[-1] if found else None
 
 
-def _twice(tree: _SpanningTree, joint: int) -> bool:
-    """Whether a hinge is written twice: a weld holds its link to another's on the same axis."""
-    a, b, kind = tree.ends.get(joint, (0, 0, ""))
-    model = tree.mechanism.model
-    other = int(model.frames[b].parentJoint) - 1
-    if kind != "6d" or other < 0 or not tree.hinge[other]:
-        return False
-    if len(tree.cuts[other + 1]) != 1 or len(model.children[other + 1]):
-        return False
-    lines, s = [], tree.samples[0]
-    for frame, one in ((a, joint), (b, other)):
-        axis = s.frames[frame].rotation.T @ s.axis[one]
-        at = s.frames[frame].actInv(s.origins[one])
-        lines.append(np.concatenate([axis, np.cross(at, axis)]))
-    gaps = (np.abs(lines[0] + side * lines[1]).max() for side in (1, -1))
-    return bool(min(gaps) <= ROUNDING)
+def _spins(mechanism: Mechanism, chain: _Chain) -> Iterator[tuple[bool, int, int]]:
+    """Yield what spins idly: whether it is a hinge, its joint, and the joint to hold."""
+    hinge = [j in mechanism.passive and not mechanism.prismatic[j] for j in chain.joints]
+    # By the places of their first hinges, points (S, 3) where three passive axes meet.
+    balls: dict[int, Array] = {}
+    for k in range(len(hinge) - 2):
+        axes, points = (x[:, k : k + 3] for x in (chain.axes, chain.points))
+        if all(hinge[k : k + 3]) and not k < chain.own < k + 3:
+            met = [p for p in map(meeting_point, axes, points) if p is not None]
+            if len(met) == len(axes) and np.abs(np.linalg.det(axes)).max() > ALIKE:
+                balls[k] = np.array(met)
+    for k in (k for k in range(chain.own) if hinge[k]):
+        joint = chain.joints[k]
+        inner = [balls[i] for i in balls if i <= k - 3][-1:]
+        outer, beyond = (
+            [*(balls[i] for i in balls if i > least), chain.end][0] for least in (k, k + 2)
+        )
+        if k in balls and beyond is not None:
+            yield False, joint, chain.joints[k + _held(chain.axes[:, k : k + 3], beyond - balls[k])]
+        if any(chain.through(k, x) for x in (*inner, outer) if x is not None):
+            yield True, joint, joint
+        # Written twice: a weld holds its link to that of another hinge on the same axis.
+        two = k + 1
+        if two == chain.own < len(hinge) and hinge[two] and chain.through(k, chain.points[:, two]):
+            across = np.cross(chain.axes[:, k], chain.axes[:, two])
+            if np.abs(across).max() <= ROUNDING:
+                yield True, joint, joint
 
 
-def _best(tree: _SpanningTree, run: Sequence[int], near: Array, far: Array) -> int:
-    """Return the hinge of a ball to hold."""
+def _held(axes: Array, away: Array) -> int:
+    """Return the hinge of a ball to hold, of axes (S, 3, 3), with another ball ``away`` (S, 3)."""
     # The others point the link, everywhere if it is across the second and that across the first,
-    # and at home they should move it two ways.
+    # and at home, the last sample, they should move it two ways.
+    along = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), ROUNDING)
     scores = []
     for k in range(3):
-        a, b = (j for i, j in enumerate(run) if i != k)
-        square, spread = True, 0.0
-        for s, away in zip(tree.samples, far - near, strict=True):
-            along = away / max(float(np.linalg.norm(away)), ROUNDING)
-            square &= max(abs(s.axis[b] @ along), abs(s.axis[a] @ s.axis[b])) <= ALIKE
-            # The last sample is home.
-            spread = abs(float(np.linalg.det([s.axis[a], s.axis[b], along])))
-        scores.append((square, round(spread, 6), k))
-    return run[max(scores)[2]]
-
-
-def _through(tree: _SpanningTree, joint: int, points: Array | None) -> bool:
-    """Whether a hinge's axis passes through a ball at an end of its link."""
-    return points is not None and all(
-        float(np.linalg.norm(np.cross(p - s.origins[joint], s.axis[joint])))
-        <= ROUNDING * max(1.0, float(np.abs(p).max()))
-        for s, p in zip(tree.samples, points, strict=True)
-    )
+        a, b = np.delete(axes, k, axis=1).swapaxes(0, 1)
+        off = max(np.abs((b * along).sum(axis=1)).max(), np.abs((a * b).sum(axis=1)).max())
+        spread = abs(float(np.linalg.det([a[-1], b[-1], along[-1]])))
+        scores.append((bool(off <= ALIKE), round(spread, 6), k))
+    return max(scores)[2]
 
 
 _TURNS = {
