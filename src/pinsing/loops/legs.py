@@ -634,11 +634,12 @@ def input_loci(mechanism: Mechanism) -> tuple[PoseEquation, ...]:
     poly, below = _poses(t, plane[1::2], plane[::2], squares, exact.square, (1, 0))
     if int(poly.degrees()[0]) != 6:
         return ()
-    # Of similar triangles there are complex turns that have poses whatever the inputs are.
+    # Of similar triangles there are complex turns that have poses whatever the inputs are; where
+    # such a turn is real, as of congruent ones, others are singular than poses that meet.
     always = poly.gcd(below)
-    poly = poly if always.is_constant() else divided_by(poly, always)
+    poly, _ = divmod(poly, always)
     whole = poly.discriminant("t")
-    if whole == 0:
+    if whole == 0 or not always.gcd(always.derivative("t")).is_constant():
         return ()
     # Poses of one orientation that do not coincide are in the discriminant too: what divides the
     # position is zero there. For half a turn that has a lower degree, and t is infinite.
