@@ -554,23 +554,20 @@ def regions(
     largest first, 0 where nothing is reached or a region is a few cells; of each region it is told
     whether the product of the left sides is positive.
     """
-    from scipy import ndimage
-
-    pattern = np.zeros(inside.shape, dtype=int)
+    key = np.where(inside, 0, -1)
     for k, left in enumerate(left_sides):
-        pattern += (left > 0).astype(int) << k
-    key = np.where(inside, pattern, -1)
-    label, meet = np.zeros(inside.shape, dtype=int), [np.zeros((0, 2), dtype=int)]
-    for value in np.unique(key):
-        numbers, _ = ndimage.label(key == value)
-        label += np.where(numbers > 0, numbers + label.max(), 0)
-    for turns_round, rows, numbers in zip(turns, (key, key.T), (label, label.T), strict=True):
-        if turns_round:  # regions that meet across a whole turn are one
-            meet.append(numbers[rows[:, 0] == rows[:, -1]][:, [0, -1]])
-    label = connected(int(label.max()) + 1, *np.concatenate(meet).T)[label]
-    found, first, sizes = np.unique(label, return_index=True, return_counts=True)
-    signs = key.ravel()[first]
-    order = np.argsort(-sizes, kind="stable").tolist()
+        key += (inside & (left > 0)).astype(int) << k
+    cells, key = np.arange(key.size).reshape(key.shape), key.ravel()
+    across, along = (cells[:, :-1], cells[:, 1:]), (cells[:-1], cells[1:])
+    # Regions that meet across a whole turn are one.
+    ends = (cells[:, 0], cells[:, -1]), (cells[0], cells[-1])
+    beside = [across, along, *(pair for pair, on in zip(ends, turns, strict=True) if on)]
+    one, two = (np.concatenate([pair[k].ravel() for pair in beside]) for k in (0, 1))
+    alike = key[one] == key[two]
+    label = connected(len(key), one[alike], two[alike]).reshape(inside.shape)
+    found, sizes = np.unique(label, return_counts=True)
+    signs = key[found]
+    order = np.lexsort((found, signs, -sizes)).tolist()
     kept = [k for k in order if signs[k] >= 0 and sizes[k] >= LEAST]
     out = np.zeros(inside.shape, dtype=int)
     for number, k in enumerate(kept, 1):
@@ -800,28 +797,20 @@ def border_field(reached: Bool, ones: Sequence[Array]) -> Array:
     is known inside, goes on in a straight line to the cells outside. Where it does not go to zero
     the border is half way between the cells.
     """
+    from scipy.ndimage import distance_transform_edt
+
     squares = np.array([np.square(v) / max(float(np.nanmax(v * v)), 1e-300) for v in ones])
     squares[:, ~reached] = np.nan
-    padded = np.pad(squares, ((0, 0), (2, 2), (2, 2)), constant_values=np.nan)
-    ny, nx = reached.shape
-    field: Array = squares.min(axis=0)
-    straight, slanted = ((0, 1), (0, -1), (1, 0), (-1, 0)), ((1, 1), (1, -1), (-1, 1), (-1, -1))
-    for ways, sure in ((straight, True), (slanted, True), (straight, False), (slanted, False)):
-        led = []
-        for j, i in ways:
-            near, further = (
-                padded[:, 2 + k * j : 2 + k * j + ny, 2 + k * i : 2 + k * i + nx] for k in (1, 2)
-            )
-            last = near.min(axis=0)
-            on = (2 * near - further).min(axis=0) if sure else -last
-            # What bends downwards is led a little too high.
-            on = np.where((on >= 0) & (on < last / 2), -1e-6 * last, on)
-            led.append(np.where(on < 0, on, np.nan))
-        known = np.isfinite(led)
-        mean = np.where(known, led, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-        new = ~np.isfinite(field) & known.any(axis=0)
-        field[new] = mean[new]
-    return field
+    # Of each cell the nearest that is reached, and the one behind that.
+    away, near = distance_transform_edt(~reached, return_indices=True)
+    behind = np.clip(2 * near - np.indices(reached.shape), -1, np.reshape(reached.shape, (2, 1, 1)))
+    padded = np.pad(squares, ((0, 0), (1, 1), (1, 1)), constant_values=np.nan)
+    first, second = squares[:, near[0], near[1]], padded[:, behind[0] + 1, behind[1] + 1]
+    last, on = first.min(axis=0), (2 * first - second).min(axis=0)
+    # What bends downwards is led a little too high.
+    on = np.where((on >= 0) & (on < last / 2), -1e-6 * last, on)
+    outside = np.where(away < 1.5, np.where(on < 0, on, -last), np.nan)
+    return np.where(reached, last, outside)
 
 
 def _name_aspects(
