@@ -240,6 +240,11 @@ def rods(mechanism: Mechanism) -> Rods | None:
     return found if isinstance(found, Rods) else None
 
 
+def legs_of(mechanism: Mechanism) -> Rods | None:
+    """The rods, those of a spherical mechanism, or those of a five-bar on its pin."""
+    return rods(mechanism) or sphere_rods(mechanism) or point_legs(mechanism)
+
+
 def why_no_rods(mechanism: Mechanism) -> str:
     """What keeps the legs from passing one force each; empty where they do."""
     found = _recognized(mechanism)
@@ -251,7 +256,7 @@ def most_assemblies(mechanism: Mechanism) -> int | None:
     # Three distances of a body in a plane: 6 (Gosselin and Sefrioui 1991); six in space: 40
     # (Raghavan 1991, Lazard 1992); 3-RPS: 16 (Nanua, Waldron and Murthy 1990). On the sphere three
     # equations of degree 2 in the quaternion: 8, where they are finite in number.
-    found = rods(mechanism) or sphere_rods(mechanism)
+    found = legs_of(mechanism)
     if found is None or any(rod.side for rod in found.rods):
         return None
     six, hinged, sphere = (SPACE, 6, False), (SPACE, 3, True), (SPHERE, 3, False)
@@ -314,7 +319,7 @@ class _Recognizer:
         mechanism = self.mechanism
         out: list[Rod] = []
         for way in self.ways():
-            for kind in (self.hanging,) if way.hanging else (self.foot_driven, self.along):
+            for kind in (self.along,) if way.hanging else (self.foot_driven, self.along):
                 with suppress(NotThisKind):
                     out += kind(way)
                     break
@@ -406,12 +411,21 @@ class _Recognizer:
         return [Rod("strut", joint, outer, C, hinge, sliding=joint, offset=off)]
 
     def along(self, way: _Way) -> list[Rod]:
-        """The force of a leg with one centre and one actuated joint before or behind it."""
+        """The force of a leg with one actuated joint, and one centre before or behind it."""
         mechanism, sample, path = self.mechanism, self.samples[0], way.path
-        driven, passive, centre = self.parted(path)
+        driven, passive, centre = self.parted([*path, *way.hanging])
         whole = len(way.joints) in (0, self.ball)
         NotThisKind.refuse_if(len(driven) != 1 or len(passive) > self.ball or not whole)
         (joint,) = driven
+        first = path == [joint]
+        if way.hanging:
+            # Written from the output, where the centre is: the loop is at its foot or crank.
+            B, C = self.points(centre), way.end[0]
+            last = not path and way.hanging[-1] == joint
+            NotThisKind.refuse_if(len(passive) < (self.ball + 1) // 2 or not (first or last))
+            if first:
+                return [carried(mechanism, sample, joint, C, self.in_output(B))]
+            return self.strut(joint, self.in_output(B), C, way.other - B)
         hinge = len(passive) == 1 and not self.planar
         axis = self.axis[0, passive[0]]
         C, B, outer = self.points(centre), way.end, self.in_output(way.other)
@@ -429,17 +443,6 @@ class _Recognizer:
         # straight across from the end of the rod.
         inner = self.across(C, passive[0], B)
         return [replace(carried(mechanism, sample, joint, inner, outer), hinge=axis)]
-
-    def hanging(self, way: _Way) -> list[Rod]:
-        """The force of a leg written from the output: the loop is at its foot, or at the crank."""
-        driven, passive, centre = self.parted(way.hanging)
-        NotThisKind.refuse_if(len(passive) not in ((1,) if self.planar else (2, 3)))
-        B = self.points(centre)
-        outer = self.in_output(B)
-        if not driven and len(way.path) == 1 and way.path[0] in self.mechanism.actuated:
-            return [carried(self.mechanism, self.samples[0], way.path[0], way.end[0], outer)]
-        NotThisKind.refuse_if(len(driven) != 1 or way.path or way.hanging != (*passive, *driven))
-        return self.strut(driven[0], outer, way.end[0], way.other - B)
 
     def foot_driven(self, way: _Way) -> list[Rod]:
         """The forces of one leg that is driven at its foot."""
@@ -688,18 +691,16 @@ def number_of_modes(
 def count_inputs(mechanism: Mechanism, R: Array, p: Array) -> int:
     """Return how many inputs within their limits give a pose R (3, 3), p (3,)."""
     # Passive joints have limits of their own, which may leave fewer.
-    pins, found, sphere = point_legs(mechanism), rods(mechanism), sphere_rods(mechanism)
-    if pins is not None:
-        return _solutions(pins, np.eye(3), np.asarray(pins.axes @ p))
-    if found is not None:
+    found = legs_of(mechanism)
+    if found is None:
+        raise NotThisKind
+    if rods(mechanism) is not None:
         every = {0, 1, 5} if found.planar else set(range(6))
         shared = len({rod.joint for rod in found.rods}) < len(found.rods)
         whole = set(mechanism.task.rows) == every
         NotThisKind.refuse_if(found.tilted or found.hinged or shared or not whole)
-        return _solutions(found, R, p)
-    if sphere is None:
-        raise NotThisKind
-    return _solutions(sphere, R, np.zeros(3))
+    there = found.placed(pin.SE3(R, p))
+    return _solutions(found, there.rotation, there.translation)
 
 
 def _solutions(found: Rods, R: Array, p: Array) -> int:
@@ -769,13 +770,9 @@ def _hinged_poses(
         along = (v @ axis) * axis
         rows.append([*(n[k] for k in across), n @ (v - along), n @ np.cross(axis, v)])
         right.append(n @ (rod.inner - along - height))
-    U, sigma, Vt = np.linalg.svd(np.array(rows))
-    NotThisKind.refuse_if(sigma[-1] <= 1e-9 * sigma[0])
-    x = Vt[:3].T @ ((U.T @ np.array(right)) / sigma)
-    v = Vt[3]
-    # cos^2 + sin^2 = 1 along the line x + t v.
-    for t in _two_roots(v[2:] @ v[2:], x[2:] @ v[2:], x[2:] @ x[2:] - 1):
-        y = x + t * v
+    # Position across, cosine and sine of the turn.
+    circle = np.array([0.0, 0.0, 1.0, 1.0])
+    for y in _on_line(np.array(rows), np.array(right), np.zeros(4), 1.0, circle):
         at = height.copy()
         at[across] = y[:2]
         yield pin.exp3(np.arctan2(y[3], y[2]) * axis) @ R, at
@@ -822,14 +819,17 @@ def _three_spheres(pairs: Rods, q: Array) -> int:
     sizes = np.array([pairs.length(r) for r in pairs.rods])
     rows = 2 * (centres[1:] - centres[0])
     right = (centres[1:] ** 2).sum(axis=1) - centres[0] @ centres[0] - sizes[1:] ** 2
-    right = right + sizes[0] ** 2
-    normal = np.cross(*rows)
-    size = float(np.linalg.norm(normal))
-    NotThisKind.refuse_if(size <= ROUNDING)
-    # The first sphere along the line that the two planes have in common.
-    x = np.linalg.lstsq(rows, right, rcond=None)[0] - centres[0]
-    n = normal / size
-    return len(_two_roots(1.0, float(x @ n), float(x @ x - sizes[0] ** 2)))
+    found = _on_line(rows, right + sizes[0] ** 2, centres[0], float(sizes[0]), np.ones(3))
+    return len(found)
+
+
+def _on_line(rows: Array, right: Array, centre: Array, size: float, weights: Array) -> list[Array]:
+    """Points (k,) of the line rows (k - 1, k) x = right at a weighted distance from a centre."""
+    U, sigma, Vt = np.linalg.svd(rows)
+    NotThisKind.refuse_if(sigma[-1] <= 1e-9 * sigma[0])
+    start, v = Vt[:-1].T @ ((U.T @ right) / sigma), Vt[-1]
+    x, w = start - centre, weights * v
+    return [start + t * v for t in _two_roots(v @ w, x @ w, x @ (weights * x) - size**2)]
 
 
 def _one_rod(mechanism: Mechanism) -> tuple[int, int, Centre]:

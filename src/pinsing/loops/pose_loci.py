@@ -64,6 +64,7 @@ from pinsing.loops.legs import (
     Rod,
     Rods,
     input_loci,
+    legs_of,
     length_name,
     point_legs,
     quarter_circles,
@@ -458,7 +459,7 @@ def locus_distance(mechanism: Mechanism, forms: PoseForms, q: Array) -> float:
     # Lengths count with the size of the mechanism, all else with 1: a term that is zero by itself,
     # as in ``e3 = 0``, says how near it is.
     at = variables_at(mechanism, q)
-    found = _rods(mechanism)
+    found = legs_of(mechanism)
     places = [] if found is None else [p for r in found.rods for p in (r.inner, r.outer)]
     reach = max((float(np.linalg.norm(p)) for p in places), default=mechanism.length_scale)
     reach = max(reach, *(abs(at[n]) for n in "xyz"))
@@ -470,7 +471,7 @@ def locus_distance(mechanism: Mechanism, forms: PoseForms, q: Array) -> float:
 
 def variables_at(mechanism: Mechanism, q: Array) -> dict[str, float]:
     """Values of the variables of equations at a configuration q (n,)."""
-    found = _rods(mechanism)
+    found = legs_of(mechanism)
     there = output_pose(mechanism, q)
     pose = pose_of(there if found is None else found.placed(there))
     out = dict(zip("xyz", pose.position, strict=True))
@@ -479,11 +480,6 @@ def variables_at(mechanism: Mechanism, q: Array) -> dict[str, float]:
         out[name] = value
         out[f"cos {name}"], out[f"sin {name}"] = float(np.cos(value)), float(np.sin(value))
     return out
-
-
-def _rods(mechanism: Mechanism) -> Rods | None:
-    """Of legs that pass one force on the output, or of a five-bar on its pin."""
-    return rods(mechanism) or point_legs(mechanism)
 
 
 def _relative(equation: PoseEquation, at: dict[str, float], reach: float) -> float:

@@ -1031,34 +1031,45 @@ def _sought(
     reached_all = number == (len(poses) if direct else len(modes)) and not spare
     complete = reached_all or (bound is not None and len(poses) >= bound and not spare)
     problem = "direct" if direct else "inverse"
-    count = f"{len(modes)} {_noun(problem, len(modes))}"
-    more = f"{beyond} more pose{'s' * (beyond != 1)} beyond the joint limits"
-    words = f"{count}: all there are, by {by}" + f"; {more}" * (beyond > 0)
-    if not reached_all or cut:
-        once = sum(hits[k] == 1 for k in kept)
-        few = f" ({once} of {len(kept)} poses {'was' if once == 1 else 'were'} met only once)"
-        most = f"; at most {number} within the limits of the actuators, by {by}"
-        words = f"{count} found from {starts} starts" + f", {more}" * (beyond > 0)
-        words += "; no more can exist" if complete else "; more may exist" + few * (once > 0)
-        words += f", at most {bound} with limits left aside" * (bound is not None and not complete)
-        words += f"; there are {number}, by {by}" * (number is not None and direct)
-        words += most * (not direct and not cut and (number or 0) > len(modes))
-    if not complete and not spare and not cut:
+    sure, once, level = reached_all and not cut, sum(hits[k] == 1 for k in kept), ""
+    open_, also = not sure and not complete, ";" if sure else ","
+    if not (complete or spare or cut):
         found = poses if direct else [m.q for m in modes]
-        words += level_words(mechanism, found, None if target is None else target[1])
-    if moving:
-        words += (
+        level = level_words(mechanism, found, None if target is None else target[1])
+    # Words by whether they are true.
+    told = [
+        (True, f"{len(modes)} {_noun(problem, len(modes))}"),
+        (sure, f": all there are, by {by}"),
+        (not sure, f" found from {starts} starts"),
+        (
+            beyond > 0,
+            f"{also} {beyond} more pose{'s' * (beyond != 1)} beyond the joint limits",
+        ),
+        (not sure, f"; {'no more can' if complete else 'more may'} exist"),
+        (
+            open_ and once > 0,
+            f" ({once} of {len(kept)} poses {'was' if once == 1 else 'were'} met only once)",
+        ),
+        (open_ and bound is not None, f", at most {bound} with limits left aside"),
+        (not sure and direct and number is not None, f"; there are {number}, by {by}"),
+        (
+            not (sure or direct or cut) and (number or 0) > len(modes),
+            f"; at most {number} within the limits of the actuators, by {by}",
+        ),
+        (True, level),
+        (
+            moving > 0,
             f"; at {moving} of them a leg moves by itself, the output at rest and the inputs held: "
-            "one point stands for a curve of configurations"
-        )
-    if spare:
-        words = (
-            f"the inputs do not fix the pose: at {len(spare) + 1} of {len(poses)} poses found from "
-            f"{starts} starts the output moves with the inputs held. They are points of curves of "
-            "poses, of which one is given"
-        )
-    if cut:
-        words += f"; the list ends after {_MOST}"
+            "one point stands for a curve of configurations",
+        ),
+    ]
+    loose_words = (
+        f"the inputs do not fix the pose: at {len(spare) + 1} of {len(poses)} poses found from "
+        f"{starts} starts the output moves with the inputs held. They are points of curves of "
+        "poses, of which one is given"
+    )
+    words = loose_words if spare else "".join(text for holds, text in told if holds)
+    words += f"; the list ends after {_MOST}" * cut
     return Modes(
         problem, tuple(modes), starts, tuple(c for _, c in pairs), beyond,
         len(spare) + bool(spare), bound, complete, words,
