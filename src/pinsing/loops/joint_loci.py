@@ -92,22 +92,22 @@ if TYPE_CHECKING:
 
 def roots(equation: Equation, inputs: ArrayLike, free: int) -> Array:
     """Return all real values, in (-pi, pi], of one input that solve an equation."""
-    # Along it the equation is rest + a cos u + b sin u, u being the angle or half of it.
-    turns = equation.frequencies[:, free]
-    q = np.array(inputs, dtype=float)
-    q[free] = -equation.shift[free]
-    phase = (q + equation.shift) @ (equation.frequencies.T / 2)
-    cos, sin = np.cos(phase), np.sin(phase)
-    even = equation.cos * cos + equation.sin * sin
-    odd = np.sign(turns) * (equation.sin * cos - equation.cos * sin)
-    a, b, rest = even[turns != 0].sum(), odd.sum(), even[turns == 0].sum()
+    # Along it the equation is rest + a cos u + b sin u, u being the angle or half of it, without
+    # the rest then: values at quarters of a turn tell them.
+    half = np.abs(equation.frequencies[:, free]).max() == 1
+    q = np.tile(np.asarray(inputs, dtype=float), (4, 1))
+    q[:, free] = np.arange(4) * np.pi / 2 - equation.shift[free]
+    f = equation(q)
+    rest, a, b = (f[0] + f[2]) / 2, (f[0] - f[2]) / 2, (f[1] - f[3]) / 2
+    if half:
+        rest, a, b = 0.0, f[0], f[2]
     most = float(np.hypot(a, b))
     if most <= NOISE * equation.size or abs(rest) > most + 1e-12 * equation.size:
         return np.zeros(0)
     # Of half an angle both are one value; and where it is met at one value alone.
-    single = np.abs(turns).max() == 1 or abs(rest) >= most - 1e-14 * equation.size
+    single = half or abs(rest) >= most - 1e-14 * equation.size
     spread = np.arccos(np.clip(-rest / most, -1, 1)) * np.array([1.0] if single else [1.0, -1.0])
-    value = 2 * (np.arctan2(b, a) + spread) / np.abs(turns).max() - equation.shift[free]
+    value = (1 + half) * (np.arctan2(b, a) + spread) - equation.shift[free]
     return np.sort(np.pi - np.mod(np.pi - value, 2 * np.pi))
 
 
