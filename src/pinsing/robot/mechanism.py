@@ -404,7 +404,7 @@ def without_idle_spins(mechanism: Mechanism, keep_output: bool = True) -> Mechan
 
 
 @dataclass(frozen=True, eq=False)
-class _Chain:
+class _Run:
     """Joints that nothing else is fixed between; behind a weld those of its other side."""
 
     joints: list[int]
@@ -419,7 +419,7 @@ class _Chain:
         return bool((off <= ROUNDING * np.maximum(1.0, np.abs(points).max(axis=1))).all())
 
 
-def _chains(mechanism: Mechanism, keep_output: bool) -> Iterator[_Chain]:
+def _runs(mechanism: Mechanism, keep_output: bool) -> Iterator[_Run]:
     """Yield all joints in chains."""
     model, n = mechanism.model, mechanism.n
     output = int(model.frames[mechanism.output_id].parentJoint) if keep_output else -1
@@ -458,18 +458,18 @@ def _chains(mechanism: Mechanism, keep_output: bool) -> Iterator[_Chain]:
                 points = s.origins[back] @ over.rotation.T + over.translation
                 seen[k] = np.vstack([seen[k][0], axes]), np.vstack([seen[k][1], points])
         axes, points = map(np.array, zip(*seen, strict=True))
-        yield _Chain(joints, len(run), axes, points, end)
+        yield _Run(joints, len(run), axes, points, end)
 
 
 def _idle(mechanism: Mechanism, keep_output: bool) -> int | None:
     """A hinge to hold, or None where no link spins idly."""
     # Links between two balls first, then hinges, in the order of the joints.
-    chains = _chains(mechanism, keep_output)
+    chains = _runs(mechanism, keep_output)
     found = [x for chain in chains for x in _spins(mechanism, chain)]
     return min(found)[-1] if found else None
 
 
-def _spins(mechanism: Mechanism, chain: _Chain) -> Iterator[tuple[bool, int, int]]:
+def _spins(mechanism: Mechanism, chain: _Run) -> Iterator[tuple[bool, int, int]]:
     """Yield what spins idly: whether it is a hinge, its joint, and the joint to hold."""
     hinge = [j in mechanism.passive and not mechanism.prismatic[j] for j in chain.joints]
     # By the places of their first hinges, points (S, 3) where three passive axes meet.
