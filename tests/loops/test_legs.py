@@ -153,16 +153,13 @@ def test_leg_lengths_at_which_the_lines_meet_are_on_the_locus(seed, tmp_path):
     rng = np.random.default_rng(seed)
     base, platform = triangles(seed)
     found = input_loci(planar(tmp_path, Way("rpr", base=base, platform=platform)))
-    on, beside = [], []
-    if seed % 2:
-        # Turned alike, the triangles are singular at every position.
-        alike = lengths(base, platform, rng.uniform(-1, 1, 2), -np.pi / 3)
-        on.append(min(relative(x, alike) for x in found))
-    for _ in range(12):
-        rho = lengths(base, platform, *pose_with_lines_through_a_point(base, platform, rng))
-        other = lengths(base, platform, rng.uniform(-1, 1, 2), rng.uniform(-np.pi, np.pi))
-        on.append(min(relative(x, rho) for x in found))
-        beside.append(min(relative(x, other) for x in found))
+    on = [pose_with_lines_through_a_point(base, platform, rng) for _ in range(12)]
+    on += [(rng.uniform(-1, 1, 2), -np.pi / 3)] * (seed % 2)  # turned alike, every position is
+    beside = [(rng.uniform(-1, 1, 2), rng.uniform(-np.pi, np.pi)) for _ in range(12)]
+    on, beside = (
+        [min(relative(x, lengths(base, platform, *at)) for x in found) for at in poses]
+        for poses in (on, beside)
+    )
     # Of degree 24, so that terms cancel to many digits everywhere.
     assert max(on) < 1e-14
     assert np.median(beside) > 1e4 * max(on)
