@@ -22,7 +22,7 @@ from typing import ClassVar
 import numpy as np
 
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.families import ClosedForm, closed_form
+from pinsing.families import ClosedForm
 from pinsing.families.solve import form_to_measure
 from pinsing.interface import MAX_SEED, JsonResult, checked, typed, whole_number
 from pinsing.kinematics.inverse import InverseSolution, columns, inverse, one_sheet, regular_way
@@ -44,7 +44,7 @@ from pinsing.postures.aspects import (
     opposite,
 )
 from pinsing.postures.joint_map import Map, Piece, Spot, apart
-from pinsing.proximity.clearance import require_forms_of
+from pinsing.proximity.clearance import forms_of
 from pinsing.proximity.line import LinePosture, check_line
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.nominal import nominal
@@ -389,9 +389,7 @@ def posture_changes(
     {'different'}
     """
     here = arm.check_one(q, "q")
-    if forms is not None:
-        require_forms_of(forms, arm)
-    form = closed_form(arm) if forms is None else forms
+    form = forms_of(arm, forms)
     held, notes = _held(arm, here, fixed)
     found = aspects(form, limits)
     start = found.of(here)
@@ -532,7 +530,7 @@ def line_postures(
     here = arm.check_one(q0, "q0")
     if arm.n != generic_rank(arm) or arm.coupling is not None:
         return ()
-    form = form_to_measure(arm) if forms is None else forms
+    form = forms_of(arm, forms, form_to_measure)
     try:
         known = inverse(arm, tip_placement(arm, here).homogeneous)
     except OptionError:
@@ -725,9 +723,7 @@ def cuspidality(
         f"{arm.name} has {arm.n} joints and task {arm.task} {rank} conditions: whether an arm "
         "is cuspidal is asked where they are as many: choose joints or a task of pinsing.load",
     )
-    if forms is not None:
-        require_forms_of(forms, arm)
-    form = closed_form(arm) if forms is None else forms
+    form = forms_of(arm, forms)
     found = aspects(form, limits=False)
     sure, doubts = form.word == PROVEN, tuple(missing(form))
     most, tried, crowded = 0, 0, ""

@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, TypeAlias, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -51,6 +51,8 @@ from pinsing.robot.nominal import chain_differs, placements_of
 
 Forms: TypeAlias = ClosedForm | Sequence[ClosedForm]
 """A closed form; or several of the same arm, such as those of two tasks."""
+
+T = TypeVar("T", bound=Forms)
 
 _MADE: WeakKeyDictionary[ClosedForm, Watched] = WeakKeyDictionary()
 """All families of a closed form, made once."""
@@ -292,8 +294,15 @@ def _named(forms: Sequence[ClosedForm]) -> dict[str, Family]:
     }
 
 
-def require_forms_of(forms: Forms, arm: Arm) -> None:
-    """Raise OptionError if forms are of another arm: joints, base, tip or limits differ."""
+def forms_of(
+    arm: Arm, forms: T | None, find: Callable[[Arm], ClosedForm] = closed_form
+) -> T | ClosedForm:
+    """Return the forms of an arm, found unless given.
+
+    OptionError if those given are of another arm: joints, base, tip or limits differ.
+    """
+    if forms is None:
+        return find(arm)
     here = summarize(arm)
     for form in each_of(forms):
         if not isinstance(form, ClosedForm):
@@ -312,6 +321,7 @@ def require_forms_of(forms: Forms, arm: Arm) -> None:
             f"the closed form is of a {there.name!r} with its joints in other places, as by "
             "another calibration; make one of this arm with closed_form(arm)",
         )
+    return forms
 
 
 # `clearance` is called often.
@@ -1125,9 +1135,7 @@ def suggest(
     OptionError.refuse_if(not work > 0, f"work must be positive, got {work!r}")
     whole_number(seed, "seed", 0, MAX_SEED)
     target = None if near is None else arm.check_one(near, "near")
-    if forms is not None:
-        require_forms_of(forms, arm)
-    watched = watch(form_to_measure(arm) if forms is None else forms, families)
+    watched = watch(forms_of(arm, forms, form_to_measure), families)
     notes: list[str] = []
     room = _room(arm, watched, target, reach, notes)
     rng = np.random.default_rng(seed)

@@ -25,7 +25,7 @@ from pinsing.kinematics.jacobian import (
 from pinsing.kinematics.tip_speed import check_speeds, limits_of
 from pinsing.measures import ALIKE, FLOAT_NOISE, Array, ArrayLike
 from pinsing.prose import listed
-from pinsing.proximity.clearance import Forms, Watched, metric_note, require_forms_of, titled, watch
+from pinsing.proximity.clearance import Forms, Watched, forms_of, metric_note, titled, watch
 from pinsing.proximity.crossings import Approach, Crossing, NearStretch, Passage, runs
 from pinsing.proximity.trajectory import (
     NEAR,
@@ -393,12 +393,8 @@ def check_line(
     OptionError.refuse_if(not 0 < speed < np.inf, f"speed must be a positive number, got {speed!r}")
     check_speeds(speed, 0.0)
     OptionError.refuse_if(not near > 0, f"near must be positive, got {near!r}")
-    q = arm.check(q0)
-    ConfigurationError.refuse_if(q.ndim != 1, f"q0 is one configuration, got shape {q.shape}")
-    if forms is None:
-        forms = form_to_measure(arm)
-    require_forms_of(forms, arm)
-    watched = watch(forms)
+    q = arm.check_one(q0, "q0")
+    watched = watch(forms_of(arm, forms, form_to_measure))
     watched.require_angle(near, "near")
     line = Line.to(arm, q, read_pose(pose))
     longest, root = span(arm), arm.model.jointPlacements[1].translation

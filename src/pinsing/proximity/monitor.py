@@ -30,7 +30,7 @@ from pinsing.algebra.conditions import Conditions, contact_along, two_sided
 from pinsing.algebra.trig_sum import COMBINED
 from pinsing.atomic_write import MEBIBYTE
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.families import ClosedForm, closed_form
+from pinsing.families import ClosedForm
 from pinsing.interface import JsonResult, checked, columns_of, encode, real_numbers
 from pinsing.kinematics.jacobian import fingerprint, frame_jacobians
 from pinsing.kinematics.tip_speed import TURN_SPEED, SpeedJudge, TipSpeeds, limits_of, speed_judge
@@ -42,9 +42,9 @@ from pinsing.proximity.clearance import (
     Watched,
     certified,
     each_of,
+    forms_of,
     nearest_family,
     quick,
-    require_forms_of,
     titled,
     watch,
 )
@@ -1088,9 +1088,7 @@ def make_guard(
         f"prefix must be a name of at most {_LONGEST} letters, digits and underscores that "
         f"begins with a letter and does not end with an underscore, got {prefix!r:.60}",
     )
-    if forms is not None:
-        require_forms_of(forms, arm)
-    forms = closed_form(arm) if forms is None else forms
+    forms = forms_of(arm, forms)
     all_of_them = watch(forms, real=False)
     watched = all_of_them if families is None else watch(forms, families)
     every, taken = each_of(forms), watched.margin

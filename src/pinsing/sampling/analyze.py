@@ -7,7 +7,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -50,17 +50,9 @@ _SAME_RELATION = 1e-2  # the same beside a relation: near it, a raw geometry blu
 _CANDIDATES = 12  # configurations looked at for a representative
 
 
-@dataclass(frozen=True, eq=False)
-class _Points:
-    """Ends of walks."""
-
-    q: Array  # (P, n)
-    ratio: Array  # (P,), sigma_r / sigma_1
-    curve: NDArray[np.intp]  # (P,), index or -1
-    at: Array  # (P,), the curve's moving joint where the curve itself is zero, else NaN
-
-    def where(self, rows: Bool | NDArray[np.intp]) -> _Points:
-        return _Points(self.q[rows], self.ratio[rows], self.curve[rows], self.at[rows])
+_Points: TypeAlias = Any
+"""Ends of walks, P records: ``q`` (n,), ``ratio``, ``curve`` (its number, or -1), and ``at``: its
+moving joint where the curve itself is zero, else NaN."""
 
 
 @checked
@@ -119,12 +111,12 @@ def singular_configurations(
     whole_number(random_starts, "random_starts", 0, MAX_STARTS)
     points = _refined(exact, result, random_starts, until)
     sharp = points.ratio <= SINGULAR_RTOL
-    collector = _Collector(arm, exact, result, tester, points.where(sharp))
+    collector = _Collector(arm, exact, result, tester, points[sharp])
     for row, curves in CurveTable(plan).forced():
         collector.add(tester.condition(row), curves)
     collector.explain(until)
     findings = collector.findings(until)
-    blunt = points.where(~sharp & (points.ratio <= NEAR_RTOL))
+    blunt = points[~sharp & (points.ratio <= NEAR_RTOL)]
     findings += _valleys(arm, exact, result, blunt, findings, samples, until)
     return tuple(findings)
 
@@ -155,7 +147,8 @@ def _refined(exact: Arm, result: SweepResult, random_starts: int, until: float) 
         ends = walk(exact, q[some], relevant, plan.ignore_limits)
         q[some], ratio[some] = ends.q, ends.ratio
     curves = np.concatenate([dips.curve, np.full(len(extra), -1)]).astype(np.intp)
-    return _Points(exact.fold(q), ratio, curves, at)
+    kinds = [("q", float, (exact.n,)), ("ratio", float), ("curve", np.intp), ("at", float)]
+    return np.rec.fromarrays([exact.fold(q), ratio, curves, at], dtype=kinds)
 
 
 def _batches(rows: NDArray[np.intp], until: float) -> Iterator[NDArray[np.intp]]:
@@ -303,8 +296,8 @@ def _valleys(
         if finding.condition.minimal:
             # a mere dip this near to a singular condition belongs to it
             beside |= on_condition(exact, finding.condition, points.q, 0.02)
-    points = points.where(~beside)
-    points = points.where(np.argsort(points.ratio, kind="stable"))
+    points = points[~beside]
+    points = points[np.argsort(points.ratio, kind="stable")]
     plan = result.plan
     tester = ConditionTester(exact, plan.relevant, samples, NEAR_RTOL, plan.seed)
     left = np.ones(len(points.q), dtype=bool)

@@ -40,8 +40,8 @@ from pinsing.prose import PLAIN, Page, Span, Table, alarm, caution, verdict
 from pinsing.proximity.clearance import (
     Forms,
     Watched,
+    forms_of,
     nearest_family,
-    require_forms_of,
     watch,
 )
 from pinsing.robot.arm import Arm, ArmSummary, summarize
@@ -684,10 +684,7 @@ RESULT = "result.json"
 
 def _families(arm: Arm, forms: Forms | None) -> Watched:
     """Families of ``forms``, by default of the closed form of ``arm``."""
-    if forms is None:
-        forms = form_to_measure(arm)
-    require_forms_of(forms, arm)
-    watched = watch(forms)
+    watched = watch(forms_of(arm, forms, form_to_measure))
     OptionError.refuse_if(
         not watched.names,
         f"{arm.name} has no known family of singular configurations, so that every "
