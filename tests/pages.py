@@ -11,6 +11,7 @@ import subprocess
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
+from textwrap import dedent
 
 import pytest
 from click.testing import CliRunner
@@ -50,14 +51,11 @@ def blocks(page: str) -> list[Block]:
     assert bare is None or page[: bare.start()].count("```") % 2, "a block without a language"
     found = []
     for match in _FENCED.finditer(page):
-        lines = match["body"].splitlines()
-        indent = min((len(s) - len(s.lstrip()) for s in lines if s.strip()), default=0)
-        lines = [line[indent:] for line in lines]
-        file = None
-        if lines and lines[0].startswith(":caption: "):
-            file = lines[0].removeprefix(":caption: ")
-            lines = lines[2:]
-        found.append(Block(match["kind"], "\n".join(lines) + "\n", file))
+        text, file = dedent(match["body"]), None
+        if text.startswith(":caption: "):
+            first, _, text = text.split("\n", 2)
+            file = first.removeprefix(":caption: ")
+        found.append(Block(match["kind"], text, file))
     return found
 
 

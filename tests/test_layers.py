@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from importlib import metadata
+from importlib.util import resolve_name
 from pathlib import Path
 
 import pytest
@@ -63,38 +64,27 @@ MODULES = modules()
 SIZE = script("size")
 
 
-def imports_of(module: str) -> list[Import]:
+def imports_of(module: str) -> Iterator[Import]:
+    statements = SIZE.statements(MODULES[module])
     package = module if MODULES[module].name == "__init__.py" else module.rpartition(".")[0]
-    return list(walk(SIZE.tree_of(MODULES[module]), module, package, True))
-
-
-def walk(
-    node: ast.AST, module: str, package: str, at_import: bool, runs: bool = True
-) -> Iterator[Import]:
-    for child in ast.iter_child_nodes(node):
-        now = at_import
-        if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
-            now = False
-        if isinstance(child, ast.If) and getattr(child.test, "id", "") == "TYPE_CHECKING":
-            for part in child.body:
-                yield from walk(ast.Module([part], []), module, package, False, False)
-            for part in child.orelse:
-                yield from walk(ast.Module([part], []), module, package, at_import, runs)
+    later, typing = set(), set()
+    for node in statements:
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            later.update(range(node.lineno, node.end_lineno + 1))
+        elif isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING":
+            typing.update(range(node.lineno, node.body[-1].end_lineno + 1))
+    for node in statements:
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = resolve_name("." * node.level + (node.module or ""), package)
+            inner = [f"{base}.{alias.name}" for alias in node.names]
+            names = [name if name in MODULES else base for name in inner]
+        else:
             continue
-        if isinstance(child, ast.Import):
-            for alias in child.names:
-                yield Import(module, alias.name, child.lineno, now, runs)
-        elif isinstance(child, ast.ImportFrom):
-            base = child.module or ""
-            if child.level:
-                root = package.split(".")[: len(package.split(".")) - child.level + 1]
-                base = ".".join([*root, *([base] if base else [])])
-            for alias in child.names:
-                inner = f"{base}.{alias.name}"
-                inner = inner if inner in MODULES else base
-                yield Import(module, inner, child.lineno, now, runs)
-        elif not isinstance(child, ast.expr):
-            yield from walk(child, module, package, now, runs)
+        runs = node.lineno not in typing
+        for name in names:
+            yield Import(module, name, node.lineno, runs and node.lineno not in later, runs)
 
 
 def room(module: str) -> str:

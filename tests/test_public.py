@@ -5,7 +5,7 @@ import importlib
 import inspect
 import pkgutil
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
@@ -279,37 +279,17 @@ def described(doc: str) -> dict[str, str]:
     return {name: " ".join(words) for name, words in found.items()}
 
 
-def of_each(names: Iterable[str]) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """One test that looks at every name, and tells of all that fail."""
-
-    def decorate(check: Callable[[str], None]) -> Callable[..., None]:
-        def test() -> None:
-            wrong = []
-            for name in names:
-                try:
-                    check(name)
-                except AssertionError as error:
-                    wrong.append(str(error).partition("\nassert")[0])
-            assert not wrong, "\n".join(wrong)
-
-        test.__name__, test.__doc__ = check.__name__, check.__doc__
-        return test
-
-    return decorate
-
-
-@of_each(sorted(PUBLIC))
-def test_every_argument_is_described(name):
-    if name == "PinsingError":
-        return  # an exception takes what Exception takes
-    words, value = described(DOC[name]), PUBLIC[name]
-    arguments = [a for a in inspect.signature(value).parameters if a not in ("self", "cls")]
-    missing = [a for a in arguments if not words.get(a)]
-    assert not missing, f"{name}: the docstring says nothing of {', '.join(missing)}"
-    invented = {w for w in words if w not in arguments and not hasattr(value, w)}
-    if invented:
-        invented -= set(re.findall(r"self\.(\w+)", inspect.getsource(value)))
-    assert not invented, f"{name}: there is no argument {', '.join(invented)}"
+def test_every_argument_is_described():
+    missing, invented = {}, {}
+    for name in PUBLIC.keys() - {"PinsingError"}:  # an exception takes what Exception takes
+        words, value = described(DOC[name]), PUBLIC[name]
+        arguments = {*inspect.signature(value).parameters} - {"self", "cls"}
+        missing[name] = {a for a in arguments if not words.get(a)}
+        invented[name] = {w for w in words.keys() - arguments if not hasattr(value, w)}
+        if invented[name]:
+            invented[name] -= {*re.findall(r"self\.(\w+)", inspect.getsource(value))}
+    assert {name: words for name, words in missing.items() if words} == {}
+    assert {name: words for name, words in invented.items() if words} == {}
 
 
 def referred(name: str, words: str) -> str | None:
@@ -322,29 +302,27 @@ def referred(name: str, words: str) -> str | None:
     return here if here in PUBLIC else found[1]
 
 
-@of_each(sorted(set(PUBLIC) - CLASSES))
-def test_references_lead_to_a_description(name):
-    for argument, words in described(DOC[name]).items():
-        there = referred(name, words)
-        if there is not None:
-            found = described(DOC[there]).get(argument)
-            assert found, f"{name}: {there} says nothing of {argument}"
-            assert referred(there, found) != name, f"{name}: {argument}: a circle"
+def test_references_lead_to_a_description():
+    for name in PUBLIC.keys() - CLASSES:
+        for argument, words in described(DOC[name]).items():
+            there = referred(name, words)
+            if there is not None:
+                found = described(DOC[there]).get(argument)
+                assert found, f"{name}: {there} says nothing of {argument}"
+                assert referred(there, found) != name, f"{name}: {argument}: a circle"
 
 
-@of_each([n for n in SHOWN if "." not in n.removeprefix("plot.")])
-def test_every_function_says_what_it_returns(name):
-    assert section(DOC[name], "Returns"), f"{name}: no section Returns"
-    assert section(DOC[name], "Raises"), f"{name}: no section Raises"
+def test_every_function_says_what_it_returns():
+    functions = [n for n in SHOWN if "." not in n.removeprefix("plot.")]
+    for title in ("Returns", "Raises"):
+        assert [n for n in functions if not section(DOC[n], title)] == []
 
 
-@of_each(SHOWN)
-def test_every_function_has_an_example(name):
-    lines = section(DOC[name], "Examples")
-    assert lines, f"{name}: the docstring has no section Examples"
-    found = doctest.DocTestParser().get_examples(DOC[name])
-    assert any(e.want for e in found), f"{name}: its example shows no result, and proves nothing"
-    assert len(lines) <= 10, f"{name}: its example is too long to be read at a glance"
+def test_every_function_has_an_example():
+    """One that shows a result, and can be read at a glance."""
+    parse = doctest.DocTestParser().get_examples
+    assert [n for n in SHOWN if not any(e.want for e in parse(DOC[n]))] == []
+    assert [n for n in SHOWN if not 0 < len(section(DOC[n], "Examples")) <= 10] == []
 
 
 EXAMPLES = [n for n in sorted(set(PUBLIC) - SHARED) if ">>>" in DOC[n]]
