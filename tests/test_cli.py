@@ -30,20 +30,6 @@ from pinsing.sampling.sweeps import load_npz
 
 
 class TestProcess:
-    def test_a_command_imports_no_other_and_the_list_none(self):
-        code = (
-            "import sys; from pinsing.cli.app import command\n"
-            "from pinsing.cli.app import COMMANDS\n"
-            "for words in (['--help'], ['list', '--help']):\n"
-            "    try: command(words)\n"
-            "    except SystemExit: pass\n"
-            "    have = {m for m in sys.modules if m.startswith('pinsing.cli.')}\n"
-            "    parts = {f'pinsing.cli.{place}' for place, _ in COMMANDS.values()}\n"
-            "    print(*sorted(have & parts), file=sys.stderr)"
-        )
-        done = python("-c", code)
-        assert (done.returncode, done.stderr) == (0, "\npinsing.cli.robots\n")
-
     def test_results_and_messages_do_not_mix(self):
         words = ["at", "ur5", "--q", "0,-1,1,0,0,0", "--no-distances", "-o", "-"]
         done = python("-m", "pinsing", *words)
@@ -120,20 +106,12 @@ class TestAt:
 
 
 def test_degrees_of_special_values():
-    words = [
-        "analyze",
-        "--sweep",
-        "puma560",
-        "--levels",
-        "1",
-        "--samples",
-        "11",
-        "-o",
-        "-",
-        "--special",
-    ]
-    in_degrees, in_radians = run(*words, "0,90", "--deg"), run(*words, "0,pi/2")
-    assert json.loads(in_degrees.stdout) == json.loads(in_radians.stdout)
+    words = ["analyze", "--sweep", "puma560", "--levels", "1", "--samples", "11", "-o", "-"]
+    in_degrees, in_radians = (
+        json.loads(run(*words, "--special", *values).stdout)
+        for values in (("0,90", "--deg"), ("0,pi/2",))
+    )
+    assert in_degrees == in_radians
 
 
 def test_ctrl_c_keeps_what_is_done(monkeypatch, tmp_path):

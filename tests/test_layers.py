@@ -22,6 +22,7 @@ from public import script
 from tiers import tiered
 
 import pinsing
+from pinsing.cli.app import COMMANDS
 
 SOURCE = Path(pinsing.__file__).parent
 
@@ -204,6 +205,14 @@ def test_what_is_done_first_pulls_in_little(what, tmp_path, monkeypatch):
     code, heavy = COLD[what]
     _, loaded = modules_after(code)
     assert loaded.isdisjoint(heavy.split())
+
+
+def test_a_command_imports_no_other_and_the_list_none():
+    parts = {f"pinsing.cli.{place}" for place, _ in COMMANDS.values()}
+    for words, needed in (["--help"], set()), (["list", "--help"], {"pinsing.cli.robots"}):
+        code = "import contextlib; from pinsing.cli import main\n"
+        code += f"with contextlib.suppress(SystemExit): main({words!r})\n0"
+        assert modules_after(code)[1] & parts == needed
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
+import pinocchio as pin  # noqa: F401  (the calls use it)
 import pytest
 from command_line import python
 from public import documented
@@ -184,18 +184,11 @@ def names():
     q = np.array([0.1, -1, 1, 0.2, 1, 0])
     form = pinsing.closed_form(arm, prove=False)
     return {
-        "np": np,
-        "pin": pin,
-        "pinsing": pinsing,
-        "wrapper": SimpleNamespace(model=arm.model),
-        "arm": arm,
-        "q": q,
-        "pose": np.eye(4),
-        "form": form,
-        "state": pinsing.at(arm, q),
+        **globals(), "arm": arm, "form": form, "q": q, "pose": np.eye(4),
+        "wrapper": SimpleNamespace(model=arm.model), "state": pinsing.at(arm, q),
         "read": pinsing.ClosedForm.from_json(form.to_json()),
         "other": pinsing.closed_form(pinsing.load("planar3r")),
-    }
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(("call", "error", "words"), MISTAKES, ids=[m[0] for m in MISTAKES])
