@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from arms import URDF
 from click.shell_completion import BashComplete
+from urdf_text import J, urdf
 
 from pinsing.cli.app import command
 
@@ -64,25 +65,21 @@ def test_robot_files_here(tmp_path, monkeypatch):
     assert "ur5" in offered("families ")
 
 
-@pytest.mark.parametrize(
-    "line",
-    ["at nope --tip ", "at nope --joints ", "view nope --family ", "plot map --over ", "at --tip "],
-)
+UNKNOWN = ["at nope --tip ", "at nope --joints ", "view nope --family ", "plot map --over ",
+           "at --tip "]  # fmt: skip
+
+
+@pytest.mark.parametrize("line", UNKNOWN)
 def test_nothing_is_offered_and_nothing_said_where_nothing_is_known(line, capfd):
     assert offered(line) == []
     assert capfd.readouterr() == ("", "")
 
 
 def test_names_from_a_file_do_not_reach_the_shell(tmp_path):
-    hostile = ("a$(touch x)", "b;reboot", "c d", "e\x1b[2J", "*", "ok_link")
-    joints = "".join(
-        f'<link name="{name}"/><joint name="j{k}" type="fixed"><parent link="base"/>'
-        f'<child link="{name}"/></joint>'
-        for k, name in enumerate(hostile)
-        if "\x1b" not in name
-    )
+    hostile = ("a$(touch x)", "b;reboot", "c d", "*", "ok_link")
+    joints = [J(f"j{k}", "base", name, kind="fixed") for k, name in enumerate(hostile)]
     path = tmp_path / "arm.urdf"
-    path.write_text(f'<robot name="r"><link name="base"/>{joints}</robot>')
+    path.write_text(urdf(joints))
     assert set(offered(f"families {path} --tip ")) <= {"base", "ok_link"}
 
 

@@ -1,20 +1,28 @@
-"""The program when nobody can take what it says: one line, exit code 2, never a traceback."""
+"""What the program says when nobody can take it, or where input and files are odd: one line."""
 
+import contextlib
 import importlib
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from arms import URDF
-from command_line import run, started
+from command_line import python, run, started
 from tiers import sampled, tiered
+from urdf_texts import LIMIT
 
-from pinsing.cli import app
+import pinsing
+from pinsing.atomic_write import check_writable, write_text
+from pinsing.cli import app, output
 from pinsing.cli.app import VARIANTS
+from pinsing.cli.output import say, waiting
+from pinsing.errors import OutputError, PinsingError, ResultError
 
 COMMANDS = {
     "at": ["at", "planar3r", "--q", "0,0,0", "--fail-if-singular", "--no-distances"],
@@ -24,8 +32,8 @@ FULL = Path("/dev/full")
 TAKES_NOTHING = "pinsing: error: cannot write to standard output: "
 
 
-def shell(words: list[str], ending: str) -> subprocess.CompletedProcess[str]:
-    line = f'"$0" -m pinsing "$@" {ending}'
+def shell(words: list[str], ending: str, before: str = "") -> subprocess.CompletedProcess[str]:
+    line = f'{before}"$0" -m pinsing "$@" {ending}'
     command = ["bash", "-c", line, sys.executable, *words]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
@@ -113,17 +121,13 @@ PRINTING = {
 ENDINGS = {"full": ">/dev/full", "closed": ">&-", "gone": "| true; exit ${PIPESTATUS[0]}"}
 
 
-def commands() -> list[str]:
+def test_every_command_is_here() -> None:
     def below(group: Any, path: str = "") -> Iterator[str]:
         for name, one in group.commands.items():
             whole = f"{path} {name}".strip()
             yield from below(one, whole) if hasattr(one, "commands") else [whole]
 
-    return [*below(app.command), *VARIANTS]
-
-
-def test_every_command_is_here() -> None:
-    assert sorted(commands()) == sorted(PRINTING)
+    assert sorted([*below(app.command), *VARIANTS]) == sorted(PRINTING)
 
 
 @pytest.fixture(scope="module")
@@ -155,11 +159,7 @@ def test_no_command_ends_with_1_where_nobody_takes_its_output(read, name):
 
 @pytest.mark.parametrize("limit", sampled([30_000, 60_000, 150_000, 300_000, 500_000]))
 def test_a_memory_limit_is_said_in_one_line(limit: int) -> None:
-    line = f'ulimit -v {limit}; "$0" -m pinsing "$@"'
-    words = [sys.executable, "list", "planar3r"]
-    done = subprocess.run(
-        ["bash", "-c", line, *words], capture_output=True, text=True, timeout=120, check=False
-    )
+    done = shell(["list", "planar3r"], "", f"ulimit -v {limit}; ")
     if limit <= 30_000 and "pinsing" not in done.stderr:
         pytest.skip("Python itself does not start")
     assert done.returncode == 2
@@ -169,9 +169,7 @@ def test_a_memory_limit_is_said_in_one_line(limit: int) -> None:
 
 
 def failed(error: Exception, monkeypatch: pytest.MonkeyPatch) -> Any:
-    def fail(*_: object, **__: object) -> None:
-        raise error
-
+    fail = Mock(side_effect=error)
     monkeypatch.setattr(importlib.import_module("pinsing.robot.load"), "given_file", fail)
     return run("list", "planar3r")
 
@@ -193,3 +191,199 @@ def test_running_out_of_memory_is_one_line(error, monkeypatch):
 def test_any_other_error_is_not_taken_for_too_little_memory(monkeypatch):
     done = failed(RuntimeError("a fault of ours"), monkeypatch)
     assert isinstance(done.exception, RuntimeError)
+
+
+AT_IMPORT = """
+import os, signal, sys
+class Pressed:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r} and self in sys.meta_path:
+            sys.meta_path.remove(self)
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Pressed())
+"""
+AT_THE_END = """
+import atexit, os, signal, sys
+atexit.register(os.kill, os.getpid(), signal.SIGINT)
+"""
+RUN = """
+sys.argv = ["pinsing", "list", "panda"]
+from pinsing.cli import program
+program()
+"""
+
+
+@pytest.mark.parametrize("module", ["click", "pinsing.cli.app", "pinsing.description.catalog"])
+def test_ctrl_c_in_the_middle_of_imports(module):
+    """Ctrl-C: click ends the line that was typed."""
+    done = python("-c", AT_IMPORT.format(module=module) + RUN, timeout=60)
+    assert (done.returncode, done.stderr.split()) == (130, ["pinsing:", "stopped"])
+    assert done.stdout == ""
+
+
+@pytest.mark.slow
+def test_ctrl_c_when_all_is_done():
+    done = python("-c", AT_THE_END + RUN, timeout=60)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "panda" in done.stdout
+
+
+def unwritable(path: str | Path, write: Callable[..., object] = check_writable) -> str:
+    """What is said of a place for output, in one line."""
+    with pytest.raises(OutputError) as raised:
+        write(path)
+    assert str(raised.value).isprintable()
+    return str(raised.value)
+
+
+def test_links_that_lead_nowhere(tmp_path):
+    (tmp_path / "loop").symlink_to("loop")
+    (tmp_path / "far").symlink_to("no/where")
+    (tmp_path / "new").symlink_to("target")
+    for write in (check_writable, lambda path: write_text(path, "x")):
+        assert "leads to itself" in unwritable(tmp_path / "loop", write)
+    assert (tmp_path / "loop").is_symlink()
+    assert "no such folder" in unwritable(tmp_path / "far")
+    write_text(check_writable(tmp_path / "new"), "x")  # the file it stands for is made
+    assert (tmp_path / "new").is_symlink()
+    assert (tmp_path / "target").read_text() == "x"
+
+
+def test_names_that_cannot_be_printed(tmp_path, capsys):
+    assert "half a character" in unwritable("\ud800.html")
+    assert len(unwritable("x" * 10**6)) < 300
+    assert r"a\nb" in unwritable(tmp_path / "a\nb" / "c.txt")
+    say(f"wrote {tmp_path}/a\nb")
+    assert capsys.readouterr().err.count("\n") == 1
+    message = str(PinsingError("no \ud800\x1b[2J\nhere" + "x" * 10**6))
+    assert message.encode().isascii()
+    assert message.isprintable()
+    assert len(message) < 5000
+
+
+def test_a_map_into_what_is_no_folder(tmp_path):
+    arm = pinsing.load("planar3r", task="position")
+    (tmp_path / "link").symlink_to("no")
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "file").write_text("")
+
+    def drawn(out: str | Path) -> object:
+        return pinsing.sampling.sigma_map(arm, count=8, out=out)
+
+    for name, why in (("link", "not there"), ("pipe", "pipe"), ("file", "it is a file")):
+        assert why in unwritable(tmp_path / name, drawn)
+    for bad in ("\ud800", "x" * 10**6, "a/" * 10**5):
+        assert len(unwritable(bad, drawn)) < 500
+
+
+def test_settings_of_figures_are_read_from_files_alone(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    os.mkfifo(tmp_path / "matplotlibrc")
+    for named in ("/dev/full", str(tmp_path), str(tmp_path / "matplotlibrc")):
+        monkeypatch.setenv("MATPLOTLIBRC", named)
+        output.off_screen()
+        assert "MATPLOTLIBRC" not in os.environ
+        assert capsys.readouterr().err.count("MATPLOTLIBRC is ignored") == 1
+    mine = tmp_path / "mine"
+    mine.write_text("")
+    monkeypatch.setenv("MATPLOTLIBRC", str(mine))
+    output.off_screen()
+    assert os.environ["MATPLOTLIBRC"] == str(mine)
+
+
+def test_half_a_character_in_a_result():
+    arm = pinsing.load("planar3r", task="position")
+    state = pinsing.at(arm, [0.1, 0.2, 0.3])
+    form = pinsing.closed_form(arm)
+    for result, old in ((state, '"q2"'), (form, '"planar3r"'), (form.families[0], '"q2"')):
+        text = result.to_json(indent=None)
+        assert old in text
+        with pytest.raises(ResultError, match="half a character"):
+            type(result).from_json(text.replace(old, r'"\ud800"'))
+
+
+def test_numbers_in_a_result_that_cannot_be_reckoned_with(recwarn):
+    state = pinsing.at(pinsing.load("planar3r", task="position"), [0.1, 0.2, 0.3]).to_dict()
+
+    def huge(value):
+        if isinstance(value, dict):
+            return {k: huge(v) for k, v in value.items()}
+        if isinstance(value, list):
+            return [huge(v) for v in value]
+        return 1e308 if isinstance(value, float) else value
+
+    for key in state:
+        with contextlib.suppress(ResultError):
+            pinsing.State.from_dict({**state, key: huge(state[key])})
+    assert not recwarn.list
+
+
+def test_a_long_step_is_said_once_and_a_short_one_never(capsys: pytest.CaptureFixture[str]) -> None:
+    with waiting(after=0.2) as at:
+        at("short")
+        time.sleep(0.01)
+        at("long")
+        time.sleep(0.5)
+        at("")
+        time.sleep(0.3)
+    assert capsys.readouterr() == ("", "pinsing: long \u2026\n")
+
+
+def test_on_a_terminal_the_line_counts_and_goes(capsys, monkeypatch):
+    monkeypatch.setattr(output, "is_terminal", lambda stream: True)
+    with waiting(after=0.05) as at:
+        for k in range(26):
+            at("long", f"{k} boxes")
+            time.sleep(0.05)
+    told = capsys.readouterr().err
+    assert "pinsing: long \u2026 0 s" in told
+    assert "pinsing: long \u2026 1 s 2" in told
+    assert told.endswith("\r\x1b[K")
+    assert "\n" not in told
+
+
+def test_an_error_takes_the_line_away(capsys, monkeypatch):
+    monkeypatch.setattr(output, "is_terminal", lambda stream: True)
+
+    def interrupted():
+        with waiting(after=0.05) as at:
+            at("long")
+            time.sleep(0.4)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert capsys.readouterr().err.endswith("\r\x1b[K")
+
+
+def refused(*words: str) -> str:
+    """Run what must be refused; return the one line."""
+    done = run(*words)
+    assert done.exit_code == 2, done.output
+    assert done.stdout == ""
+    assert "Traceback" not in done.stderr
+    (error,) = [line for line in done.stderr.splitlines() if "error: " in line]
+    assert error.startswith("pinsing: error: ")
+    return error
+
+
+NAMES = ["at", "list --info", "analyze --sweep", "analyze", "families"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_output_is_checked_before_the_robot_is_read(tmp_path, monkeypatch, name):
+    never = Mock(side_effect=AssertionError("the robot was read"))
+    monkeypatch.setattr(importlib.import_module("pinsing.robot.load"), "load", never)
+    q = ["--q", "0,0,0"] if name == "at" else []
+    for end in ("json", "npz") if "sweep" in name else ("json",):
+        bad = tmp_path / "none" / f"x.{end}"
+        assert "cannot write" in refused(*name.split(), "planar3r", *q, "-o", str(bad))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_robot_itself_is_not_replaced(write_urdf):
+    path = write_urdf([("revolute", '<axis xyz="0 0 1"/>' + LIMIT)])
+    path = path.rename(path.with_suffix(".json"))
+    before = path.read_text()
+    assert "robot itself" in refused("at", str(path), "--q", "0", "-o", str(path))
+    assert path.read_text() == before

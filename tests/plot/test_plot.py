@@ -1,37 +1,74 @@
-"""Plots, by what is in them: artists, their data, labels; and files that come out."""
+"""Plots, by what is in them: artists, their data, labels; files; no text over another."""
 
+import math
 import os
+from collections.abc import Callable
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from arms import textbook, ur5
-from click.testing import CliRunner
-from command_line import python
+from arms import URDF, textbook, ur5
+from command_line import python, run
+from dh_arms import dh_arm
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.contour import ContourSet
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.legend import Legend
+from matplotlib.lines import Line2D
+from matplotlib.transforms import Bbox
 from mpl_toolkits.mplot3d import Axes3D
 from tiers import tiered_rows
 
 import pinsing
 from pinsing import plot
-from pinsing.errors import ConfigurationError, OptionError
+from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.families import closed_form
 from pinsing.kinematics.at import at
-from pinsing.kinematics.jacobian import frame_jacobian, singular_values
+from pinsing.kinematics.jacobian import (
+    frame_jacobian,
+    singular_values,
+    task_jacobian,
+    tip_placement,
+    tip_poses,
+)
+from pinsing.loops.solve import trace
+from pinsing.plot.plane import Section, _numbers, reach_of, regular_configuration
 from pinsing.plot.style import pi_text, pi_ticks
-from pinsing.sampling.sweeps import SweepResult, sweep
-
-
-@pytest.fixture(scope="module")
-def stanford_sweep() -> SweepResult:
-    return sweep(textbook("stanford"), levels=1, samples=61, prune=False)
+from pinsing.sampling.sweeps import sweep
 
 
 def labels(ax: Axes) -> list[str]:
     return [t.get_text() for t in ax.get_legend().get_texts()] if ax.get_legend() else []
+
+
+def marks(ax: Axes) -> list[Line2D]:
+    return [line for line in ax.get_lines() if line.get_marker() == "o"]
+
+
+def named(ax: Axes, label: str) -> Line2D:
+    (line,) = (line for line in ax.get_lines() if line.get_label() == label)
+    return line
+
+
+def traced(ax: Axes) -> list[np.ndarray]:
+    """Points of each curve where something is zero."""
+    curves = (c for c in ax.collections if isinstance(c, ContourSet))
+    return [np.concatenate([p.vertices for p in c.get_paths()]) for c in curves]
+
+
+def at_values(q: Any, joints: Any, values: Any) -> np.ndarray:
+    """A configuration with other values of some joints, once for each row."""
+    Q = np.tile(q, (len(values), 1))
+    Q[:, joints] = values
+    return Q
+
+
+def sigma_ratio(arm: pinsing.Arm, Q: np.ndarray) -> np.ndarray:
+    sigma = singular_values(arm, Q)
+    return sigma[:, -1] / sigma[:, 0]
 
 
 def is_outside(ax: Axes) -> bool:
@@ -41,14 +78,14 @@ def is_outside(ax: Axes) -> bool:
 
 
 @pytest.mark.slow
-def test_curves_carry_the_data_of_the_sweep(stanford_sweep: SweepResult) -> None:
+def test_curves_carry_the_data_of_the_sweep() -> None:
+    stanford_sweep = sweep(textbook("stanford"), levels=1, samples=61, prune=False)
     ax = plot.sigma_curves(stanford_sweep)
-    q5 = next(line for line in ax.get_lines() if line.get_label() == "$q_{5}$")
+    q5 = named(ax, "$q_{5}$")
     curve = stanford_sweep.curve(None, "q5")
     np.testing.assert_array_equal(q5.get_xdata(), curve.x)
     np.testing.assert_array_equal(q5.get_ydata(), curve.sigma_min)
-    assert ax.get_xlabel() == "joint angle [rad]"
-    assert ax.get_ylabel() == r"$\sigma_{\min}$"
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("joint angle [rad]", r"$\sigma_{\min}$")
     assert is_outside(ax)
     assert ax.figure.get_size_inches()[0] == pytest.approx(3.5)
 
@@ -58,8 +95,7 @@ def test_singular_points_that_need_other_joints_are_not_marked() -> None:
     arm = textbook("surgical7")
     result = sweep(arm, levels=1, samples=61)
     ax = plot.sigma_curves(result, moving=["q4", "q6"], arm=arm)
-    marks = [line for line in ax.get_lines() if line.get_marker() == "o" and len(line.get_xdata())]
-    x = np.concatenate([np.asarray(line.get_xdata()) for line in marks])
+    x = np.concatenate([np.asarray(line.get_xdata()) for line in marks(ax)])
     np.testing.assert_allclose(np.unique(np.round(x, 6)), [-3.141593, 0, 3.141593], atol=1e-6)
     assert r"$q_{2}$ = $\pi/3$" in ax.get_legend().get_title().get_text()
 
@@ -69,16 +105,11 @@ def test_every_true_zero_is_marked_with_the_arm_alone() -> None:
     arm = ur5()
     result = sweep(arm, levels=1, samples=37)
     ax = plot.sigma_curves(result, moving=[arm.joints[1]], arm=arm)
-    (mark,) = (line for line in ax.get_lines() if line.get_marker() == "o")
-    Q = np.tile(result.plan.nominal, (len(mark.get_xdata()), 1))
-    Q[:, 1] = mark.get_xdata()
-    sigma = singular_values(arm, Q)
-    assert (sigma[:, -1] / sigma[:, 0]).max() < 1e-9
+    (mark,) = marks(ax)
+    q = result.plan.nominal
+    assert sigma_ratio(arm, at_values(q, 1, mark.get_xdata())).max() < 1e-9
     shoulder = closed_form(arm).families[2].equations[0]
-    fine = np.linspace(*ax.get_xlim(), 20001)
-    Q = np.tile(result.plan.nominal, (len(fine), 1))
-    Q[:, 1] = fine
-    f = shoulder(Q)
+    f = shoulder(at_values(q, 1, np.linspace(*ax.get_xlim(), 20001)))
     assert len(mark.get_xdata()) == (f[:-1] * f[1:] < 0).sum() >= 2
     said = ax.get_legend().get_title().get_text()
     assert "rests at" in said
@@ -92,17 +123,11 @@ def test_the_curve_of_the_puma_lies_in_the_valley() -> None:
     arm = textbook("puma560")
     q = np.array([0.0, 0.0, 0.0, 0.4, 1.0, 0.0])
     ax = plot.sigma_plane(arm, "q2", "q3", q=q, samples=81)
-    paths = [p for c in ax.collections if isinstance(c, ContourSet) for p in c.get_paths()]
-    points = np.concatenate([p.vertices for p in paths if len(p.vertices)])
-    assert len(points) > 40
-    Q = np.tile(q, (len(points), 1))
-    Q[:, 1:3] = points
-    sigma = singular_values(arm, Q)
-    on_it = sigma[:, -1] / sigma[:, 0]
+    Q = at_values(q, [1, 2], np.concatenate(traced(ax)))
+    assert len(Q) > 40
+    assert sigma_ratio(arm, Q).max() < 2e-3
     beside = np.concatenate([Q + s * np.eye(6)[1] for s in (-0.2, 0.2)])
-    off = singular_values(arm, beside)
-    assert on_it.max() < 2e-3
-    assert np.median(off[:, -1] / off[:, 0]) > 0.02
+    assert np.median(sigma_ratio(arm, beside)) > 0.02
     # The elbow is a straight line: q3 alone.
     levels = [line.get_ydata()[0] for line in ax.get_lines() if len(line.get_ydata()) == 2]
     assert any(abs(y - np.arctan2(-0.4318, 0.0203)) < 1e-9 for y in levels)
@@ -117,35 +142,23 @@ def test_the_map_shows_sigma_min_and_its_axes() -> None:
     mesh = ax.collections[0]
     x, y = np.linspace(-np.pi, np.pi, 31), np.linspace(-0.5, 0.5, 31)
     values = np.asarray(mesh.get_array()).reshape(31, 31)
-    probe = q.copy()
-    probe[4], probe[2] = x[7], y[20]
-    assert values[20, 7] == pytest.approx(singular_values(arm, probe[None])[0, -1], abs=1e-12)
-    assert ax.get_xlabel() == "$q_{5}$ [rad]"
-    assert ax.get_ylabel() == "$d_{3}$ [m]"
-    verticals = sorted(
-        line.get_xdata()[0]
-        for line in ax.get_lines()
-        if len(line.get_xdata()) == 2 and line.get_xdata()[0] == line.get_xdata()[1]
-    )
+    expected = singular_values(arm, at_values(q, [4, 2], [[x[7], y[20]]]))[0, -1]
+    assert values[20, 7] == pytest.approx(expected, abs=1e-12)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$q_{5}$ [rad]", "$d_{3}$ [m]")
+    ends = [line.get_xdata() for line in ax.get_lines()]
+    verticals = sorted(x[0] for x in ends if len(x) == 2 and x[0] == x[1])
     np.testing.assert_allclose(verticals, [-np.pi, 0, np.pi])
-    bar = ax.figure.axes[-1]
-    assert bar.get_xlabel() == r"$\sigma_{\min}$"
+    assert ax.figure.axes[-1].get_xlabel() == r"$\sigma_{\min}$"
 
 
 def test_a_family_of_two_values_is_a_set_of_points() -> None:
     arm = textbook("iiwa14")
     q = np.array([0.3, 0.5, 0.4, 1.0, 0.6, 0.7, 0.2])
-    families = [f for f in closed_form(arm).families if set(f.joints) == {"q2", "q6"}]
-    assert len(families) == 1
-    ax = plot.sigma_plane(arm, "q2", "q6", q=q, samples=21, families=families, ignore_limits=True)
-    points = np.concatenate(
-        [np.column_stack(line.get_data()) for line in ax.get_lines() if line.get_marker() == "o"]
-    )
+    (family,) = (f for f in closed_form(arm).families if set(f.joints) == {"q2", "q6"})
+    ax = plot.sigma_plane(arm, "q2", "q6", q=q, samples=21, families=[family], ignore_limits=True)
+    points = np.concatenate([np.column_stack(line.get_data()) for line in marks(ax)])
     assert len(points) == 9
-    for point in points:
-        probe = q.copy()
-        probe[[1, 5]] = point
-        assert singular_values(arm, probe[None])[0, -1] < 1e-9
+    assert singular_values(arm, at_values(q, [1, 5], points))[:, -1].max() < 1e-9
 
 
 @pytest.mark.slow
@@ -155,18 +168,14 @@ def test_a_locus_is_where_the_arm_is_singular() -> None:
     family = next(f for f in closed_form(arm).families if f.equations and len(f.joints) == 3)
     x, third, y = family.joints
     values = (np.pi / 2, -np.pi / 2)
-    assert family.generic is not None
     ax = plot.locus(arm, family, x, y, third=third, values=values, ignore_limits=True)
-    curves = [c for c in ax.collections if isinstance(c, ContourSet)]
-    assert len(curves) == len(values) == len(labels(ax))
-    for value, curve in zip(values, curves, strict=True):
-        places = np.concatenate([path.vertices for path in curve.get_paths()])[::40]
-        assert len(places) > 10
-        Q = np.tile(family.generic, (len(places), 1))
-        Q[:, arm.joints.index(third)] = value
-        Q[:, [arm.joints.index(x), arm.joints.index(y)]] = places
-        ratio = singular_values(arm, Q)[:, -1] / singular_values(arm, Q)[:, 0]
-        assert (ratio < 1e-3).all()  # the grid's width away from the true curve at most
+    assert len(labels(ax)) == 2
+    joints = [arm.joints.index(name) for name in (x, y, third)]
+    for value, places in zip(values, traced(ax), strict=True):
+        rows = [[*place, value] for place in places[::40]]
+        assert len(rows) > 10
+        # The grid's width away from the true curve at most.
+        assert sigma_ratio(arm, at_values(family.generic, joints, rows)).max() < 1e-3
     assert is_outside(ax)
 
 
@@ -204,31 +213,28 @@ def test_a_locus_refuses_what_makes_no_sense(given: dict[str, Any], words: str) 
 def test_an_ellipsoid_has_the_radii_of_the_state(monkeypatch: pytest.MonkeyPatch) -> None:
     arm = textbook("puma560")
     q = np.array([0.3, 0.4, 0.5, 0.6, 0.7, 0.8])
-    drawn = []
-    original = Axes3D.plot_surface
+    drawn, original = [], Axes3D.plot_surface
 
     def record(self: Axes3D, X: Any, Y: Any, Z: Any, **style: Any) -> Any:
         drawn.append(np.stack([X, Y, Z], axis=-1).reshape(-1, 3))
         return original(self, X, Y, Z, **style)
 
+    def on_it(points: np.ndarray, J: np.ndarray) -> np.ndarray:
+        return np.einsum("ni,ij,nj->n", points, np.linalg.inv(J @ J.T), points)
+
     monkeypatch.setattr(Axes3D, "plot_surface", record)
     ax = plot.ellipsoids(at(arm, q), kind="translational", motions="all")
-    (points,) = drawn
-    J = frame_jacobian(arm, q)[:3]
-    inverse = np.linalg.inv(J @ J.T)
-    on_it = np.einsum("ni,ij,nj->n", points, inverse, points)
-    np.testing.assert_allclose(on_it, 1.0, atol=1e-9)
+    J = frame_jacobian(arm, q)
+    np.testing.assert_allclose(on_it(drawn.pop(), J[:3]), 1.0, atol=1e-9)
+    assert not drawn
     assert ax.get_xlabel() == "$v_x$ [m/s]"
     assert len(ax.collections) == 1
     assert ax.get_title() == "translational part of all motions [m/s]"
     assert is_outside(ax)
-    drawn.clear()
     ax = plot.ellipsoids(at(arm, q), kind="rotational")  # a pose: pure motions
     assert ax.get_title() == "rotations, tip held [rad/s]"
-    J = frame_jacobian(arm, q)
     still = np.linalg.svd(J[:3])[2][3:].T
-    inverse = np.linalg.inv(J[3:] @ still @ still.T @ J[3:].T)
-    np.testing.assert_allclose(np.einsum("ni,ij,nj->n", drawn[0], inverse, drawn[0]), 1.0)
+    np.testing.assert_allclose(on_it(drawn[0], J[3:] @ still), 1.0)
 
 
 def test_the_arm_stands_in_the_picture_with_what_is_lost() -> None:
@@ -262,9 +268,8 @@ def test_a_flat_ellipsoid_is_a_plate_with_its_lost_direction() -> None:
     assert not any("lost" in text for text in labels(plot.ellipsoids(bent)))
     ax = plot.ellipsoids(stretched, kind="translational")
     (line,) = (one for one in ax.get_lines() if "lost" in str(one.get_label()))
-    x, y, z = line.get_data_3d()
-    ends = np.array([x, y, z])
-    along = (ends[:, 1] - ends[:, 0]) / np.linalg.norm(ends[:, 1] - ends[:, 0])
+    ends = np.diff(line.get_data_3d(), axis=1)[:, 0]
+    along = ends / np.linalg.norm(ends)
     assert abs(along @ [np.sin(0.5), 0, np.cos(0.5)]) == pytest.approx(1)  # it gets no longer
     assert "translational: lost direction" in labels(ax)
 
@@ -272,16 +277,12 @@ def test_a_flat_ellipsoid_is_a_plate_with_its_lost_direction() -> None:
 @pytest.mark.slow
 def test_singular_values_along_a_way() -> None:
     arm = ur5()
-    way = np.zeros((41, 6))
-    way[:] = [0.1, -1.0, 1.2, 0.3, 0.0, 0.2]
-    way[:, 4] = np.linspace(-0.5, 0.5, 41)
+    way = at_values([0.1, -1.0, 1.2, 0.3, 0.0, 0.2], 4, np.linspace(-0.5, 0.5, 41))
     ax = plot.sigma_along(arm, way, times=np.linspace(0, 2, 41))
-    (line,) = (one for one in ax.get_lines() if one.get_label() == r"$\sigma_{\min}$")
-    sigma = singular_values(arm, way)
-    np.testing.assert_allclose(line.get_ydata(), np.maximum(sigma[:, -1], 1e-12))
-    assert ax.get_yscale() == "log"
-    assert ax.get_xlabel() == "time [s]"
-    (mark,) = (one for one in ax.get_lines() if one.get_marker() == "o")
+    sigma = np.maximum(singular_values(arm, way)[:, -1], 1e-12)
+    np.testing.assert_allclose(named(ax, r"$\sigma_{\min}$").get_ydata(), sigma)
+    assert (ax.get_yscale(), ax.get_xlabel()) == ("log", "time [s]")
+    (mark,) = marks(ax)
     np.testing.assert_allclose(np.asarray(mark.get_xdata()), [1.0])
     assert "near-singular" in labels(ax)
     assert is_outside(ax)
@@ -293,21 +294,18 @@ def test_families_are_marked_where_a_way_meets_them() -> None:
     ax = plot.sigma_along(arm, way, forms=closed_form(arm))
     assert ax.get_xlabel() == "path length in joint space [rad]"
     assert ax.get_xlim() == pytest.approx((0.0, 1.0))
-    marks = {text.get_text(): text.xy[0] for text in ax.texts}
-    assert marks == {"F2": pytest.approx(0.5)}
+    places = {text.get_text(): text.xy[0] for text in ax.texts}
+    assert places == {"F2": pytest.approx(0.5)}
     # Between two configurations of the way: the line comes down to it all the same.
-    (dot,) = (one for one in ax.get_lines() if one.get_marker() == "o")
+    (dot,) = marks(ax)
     np.testing.assert_allclose(np.asarray(dot.get_xdata()), [0.5])
-    (line,) = (one for one in ax.get_lines() if one.get_label() == r"$\sigma_{\min}$")
-    assert len(np.asarray(line.get_xdata())) == 9
-    assert np.argmin(line.get_ydata()) == 4
+    values = named(ax, r"$\sigma_{\min}$").get_ydata()
+    assert (len(values), np.argmin(values)) == (9, 4)
     with pytest.raises(ConfigurationError, match="no length"):
         plot.sigma_along(arm, np.zeros((3, 6)))
 
 
 def test_a_slice_holds_the_best_of_each_place() -> None:
-    from pinsing.kinematics.jacobian import tip_poses
-
     arm = textbook("scara")
     ax = plot.workspace(arm, samples=4000)
     Q = arm.space.sample(4000, np.random.default_rng(2026))
@@ -315,8 +313,7 @@ def test_a_slice_holds_the_best_of_each_place() -> None:
     np.testing.assert_allclose(tips[7], at(arm, Q[7]).tip_position)
     flat = ax.figure.axes[2]
     grid = np.asarray(flat.collections[0].get_array().filled(np.nan))
-    assert flat.get_xlabel() == "x [m]"
-    assert flat.get_ylabel() == "y [m]"
+    assert (flat.get_xlabel(), flat.get_ylabel()) == ("x [m]", "y [m]")
     shown = grid[np.isfinite(grid)]
     assert set(np.round(shown, 9)) <= set(np.round(sigma, 9))
     assert np.isnan(grid).any()
@@ -347,22 +344,20 @@ WRITTEN = [
     ("curves stanford --fixed q4=0 --over q2,d3", "svg"),
     ("ellipsoids stanford --q 0,1,0,0.3,0.8,0", "png"),
     ("along scara --q 0,1,0.1,0 --q 0,-1,0.1,0", "svg"),
-    ("workspace planar3r --task position", "png"),
+    ("workspace planar3r --task position", "png"), ("aspects scara --over q1,q2", "png"),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("words", "suffix"), tiered_rows(WRITTEN, WRITTEN[4:5]))
 def test_the_command_writes_figures(tmp_path: Path, words: str, suffix: str) -> None:
-    from pinsing.cli.show import plot_command
-
-    first, second = tmp_path / f"a.{suffix}", tmp_path / f"b.{suffix}"
-    for file in (first, second):
-        result = CliRunner().invoke(plot_command, [*words.split(), "-o", str(file)])
+    files = [tmp_path / f"{name}.{suffix}" for name in "ab"]
+    for file in files:
+        result = run("plot", *words.split(), "-o", file)
         assert result.exit_code == 0, result.output + repr(result.exception)
-    heads = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
-    assert first.read_bytes().startswith(heads[suffix])
-    assert first.stat().st_size > 3000
-    assert first.read_bytes() == second.read_bytes()
+    first, second = (file.read_bytes() for file in files)
+    assert first.startswith({"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}[suffix])
+    assert len(first) > 3000
+    assert first == second
 
 
 @pytest.mark.slow
@@ -372,3 +367,245 @@ def test_a_command_draws_whatever_backend_the_environment_names(tmp_path: Path) 
     done = python(*words, env={**os.environ, "MPLBACKEND": "junk"})
     assert done.returncode == 0, done.stderr
     assert out.read_bytes().startswith(b"\x89PNG")
+
+
+COLOURED = [("puma560", True), ("stanford", False)]
+
+
+@pytest.mark.parametrize(("name", "limits"), tiered_rows(COLOURED, COLOURED[1:]))
+def test_colours_are_those_of_the_aspects(name, limits):
+    """Random points of the grid, each asked by itself; few are on an edge."""
+    arm = pinsing.load(name)
+    found = pinsing.aspects(pinsing.closed_form(arm), limits)
+    base = regular_configuration(arm)
+    low, high = arm.space.range(not limits)
+    a, b = (1, 2) if name == "puma560" else (1, 4)
+    grid = np.meshgrid(*(np.linspace(low[k], high[k], 60) for k in (a, b)))
+    Q = at_values(base, [a, b], np.column_stack([x.ravel() for x in grid])).reshape(60, 60, -1)
+    numbers = _numbers(found, Q)
+    rng = np.random.default_rng(0)
+    same = [numbers[i, k] == (found.of(Q[i, k]) or 0) for i, k in rng.integers(1, 59, (80, 2))]
+    assert np.mean(same) > 0.97
+    assert len(np.unique(numbers)) >= 4
+
+
+def test_the_legend_of_aspects_has_numbers_and_names():
+    axes = plot.aspect_plane(pinsing.load("puma560"), "q2", "q3", samples=81)
+    said = [t.get_text() for t in axes.get_legend().get_texts()]
+    assert len(said) == 6
+    assert all("shoulder" in s for s in said)
+
+
+def test_aspects_over_no_two_joints_are_refused():
+    arm = pinsing.load("scara")
+    with pytest.raises(OptionError, match="two different"):
+        plot.aspect_plane(arm, "q1", "q1")
+    with pytest.raises(UnknownNameError):
+        plot.aspect_plane(arm, "q1", "nope")
+
+
+def orthogonal(d2, d3, d4, r2, r3=0.0):
+    """The arms of Wenger's figures."""
+    return dh_arm([(-90, d2, 0), (90, d3, r2), (0, d4, r3)], "position")
+
+
+LITERATURE = [
+    ((1, 2, 1.5, 1), 4, 0, {0, 2, 4}), ((1, 2, 0.2, 1), 0, 0, {0, 2}),
+    ((1, 2, 1.5, 0), 0, None, {0, 2, 4}), ((1, 1.5, 0.6, 0.3), 4, 2, {0, 2, 4}),
+    ((1, 0.5, 0.7, 0.2), 0, 0, {0, 2, 4}),
+]  # fmt: skip
+"""Lengths d2, d3, d4, r2; cusps, nodes (None: not said), numbers of solutions."""
+
+
+@pytest.mark.parametrize(
+    ("lengths", "cusps", "nodes", "counts"), tiered_rows(LITERATURE, [LITERATURE[3]])
+)
+def test_orthogonal_arms_are_as_in_the_literature(lengths, cusps, nodes, counts):
+    arm = orthogonal(*lengths)
+    found = reach_of(arm, 100, False)
+    assert len(found.cusps) == cusps
+    assert nodes is None or len(found.nodes) == nodes
+    assert set(np.unique(found.count)) == counts
+    for q in found.cusp_joints:
+        assert np.linalg.svd(task_jacobian(arm, [0.3, *q]))[1][-1] < 1e-7
+    # Where there is a cusp three solutions meet, so that places near by have four.
+    for r, z in found.cusps:
+        near = np.hypot(found.r[None, :] - r, found.z[:, None] - z) < 0.4
+        assert {2, 4} <= set(np.unique(found.count[near]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("rows", "nodes"),
+    [(((-90, 0, 0), (90, 1, 0), (0, 1.5, 0.5)), 0), (((-90, 0, 0), (90, 1, 1), (0, 1.5, 0)), 2)],
+    ids=["curves on each other", "a curve of one place"],
+)
+def test_what_only_rounding_crosses_is_no_node(rows, nodes):
+    places = reach_of(dh_arm(rows, "position"), 40, False).nodes
+    assert len(places) == nodes
+    if nodes:
+        assert np.sort(places[:, 1]) == pytest.approx([-math.sqrt(1 / 8), math.sqrt(1 / 8)])
+
+
+def test_counts_are_right_where_joints_end_and_beside_the_first_axis():
+    elbow = dh_arm([(90, 0, 0.4), (0, 0.5, 0), (0, 0.4, 0)], "position")
+    assert set(np.unique(reach_of(elbow, 133, False).count)) == {0, 4}
+    arm = orthogonal(1, 2, 1.5, 1)
+    found = reach_of(arm, 21, True)
+    row = [len(pinsing.inverse(arm, [r, 0, 0])) for r in found.r]  # z is 0 where joint 2 ends
+    assert found.z[10] == pytest.approx(0, abs=1e-12)
+    assert found.count[10].tolist() == row
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("slides", [False, True])
+def test_counts_are_those_of_the_inverse_solutions(slides):
+    last = (0, 0.1, 0, 0, "prismatic", (0.2, 1.0)) if slides else (0, 0.5, 0.2)
+    arm = dh_arm([(-90, 0.3, 0.1), (60, 0.7, 0.25), last], "position")
+    found = reach_of(arm, 120, slides)
+    rng = np.random.default_rng(3)
+    asked = 0
+    while asked < 12:
+        k, j = int(rng.integers(3, 117)), int(rng.integers(3, 117))
+        if np.ptp(found.count[k - 2 : k + 3, j - 2 : j + 3]):
+            continue
+        asked += 1
+        angle = rng.uniform(-3, 3)
+        place = Section.of(arm)
+        assert place.slides == (False, slides)
+        target = [found.r[j] * math.cos(angle), found.r[j] * math.sin(angle), found.z[k]]
+        known = pinsing.inverse(arm, target)
+        inside = sum(s.within_limits for s in known) if slides else len(known)
+        assert inside == found.count[k, j]
+
+
+def test_the_section_is_the_arm():
+    """Places against Pinocchio, and f against det J over the distance from the first axis."""
+    arm = orthogonal(1, 2, 1.5, 1, 0.4)
+    section = Section.of(arm)
+    rng = np.random.default_rng(0)
+    shares = []
+    for q in rng.uniform(-3, 3, (20, 3)):
+        x, y, z = tip_placement(arm, q).translation
+        assert section.place(q[1:]) == pytest.approx((math.hypot(x, y), z), abs=1e-12)
+        det = float(np.linalg.det(task_jacobian(arm, q))) * arm.length_scale**3
+        shares.append(det / float(section.singular(q[1:])))
+    assert np.ptp(np.abs(shares)) < 1e-9 * np.abs(shares[0])
+
+
+@pytest.mark.parametrize("name", ["ur5", "planar3r", "scara"])
+def test_other_arms_are_refused(name):
+    with pytest.raises(OptionError):
+        plot.inverse_count(pinsing.load(name))
+
+
+def written(figure: Figure) -> list[tuple[str, Bbox]]:
+    """What a figure says, box by box, pixels: a legend is one box."""
+    figure.canvas.draw()
+    renderer = figure.canvas.get_renderer()
+    said: list[Any] = []
+    for part in [*figure.findobj(SubFigure), figure]:
+        said += [*part.texts, *part.legends, part._suptitle]
+    ticks: list[Any] = []
+    for ax in figure.axes:
+        if not ax.get_visible():
+            continue
+        three = isinstance(ax, Axes3D)  # its labels and texts stand within the picture
+        own = [ax.title, ax._left_title, ax._right_title]
+        own += [] if three else [ax.xaxis.label, ax.yaxis.label]
+        own += [] if three else [t for t in ax.texts if not inside(t, ax)]
+        said += [*(t for t in own if t.get_visible()), ax.get_legend()]
+        if not three and ax.axison:
+            for axis in (a for a in (ax.xaxis, ax.yaxis) if a.get_visible()):
+                texts = [t for t in axis.get_ticklabels() if t.get_visible() and t.get_text()]
+                low, high = sorted(axis.get_view_interval())
+                placed = zip(texts, axis.get_ticklocs(), strict=False)
+                ticks += [t for t, at in placed if low <= at <= high]
+    each = dict.fromkeys(x for x in (*said, *ticks) if x is not None)
+    found = [
+        ("legend" if isinstance(x, Legend) else x.get_text(), x.get_window_extent(renderer))
+        for x in each
+    ]
+    return [(name, box) for name, box in found if name and box.width > 1 and box.height > 1]
+
+
+def inside(text: Any, ax: Axes) -> bool:
+    """Whether a text is a mark within the data, which may lie where data lie."""
+    return bool(ax.get_window_extent().contains(*text.get_window_extent().get_points().mean(0)))
+
+
+def overlaps(figure: Figure) -> list[str]:
+    """Pairs of texts of which one covers more than two pixels of the other each way."""
+    said = []
+    for (one, a), (other, b) in combinations(written(figure), 2):
+        both = Bbox.intersection(a, b)
+        if both is not None and both.width > 2 and both.height > 2:
+            said.append(f"{one!r} over {other!r}")
+    return said
+
+
+def test_overlaps_are_seen() -> None:
+    figure, ax = plt.subplots()
+    ax.plot([0, 1], label="a")
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1))
+    ax.text(0.5, -0.15, "a caption", transform=ax.transAxes, ha="center")
+    assert "'a caption' over 'legend'" in overlaps(figure)
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Figure]:
+    """The figure that a command writes."""
+
+    def draw(*words: object) -> Figure:
+        kept: list[Figure] = []
+        monkeypatch.setattr("pinsing.cli.show.save_figure", lambda f, *a, **k: kept.append(f))
+        done = run("plot", *words, "-o", tmp_path / "a.png")
+        if done.exit_code == 2:
+            pytest.skip(done.output.strip().splitlines()[-1])
+        assert done.exit_code == 0, done.output
+        return kept[0]
+
+    return draw
+
+
+def words_of(kind: str, arm: pinsing.Arm) -> list[str]:
+    """What a kind needs besides the robot."""
+    over = ["--over", ",".join(arm.joints[1:3])]
+    zero = ",".join("0" for _ in arm.joints)
+    more = ",".join("0.4" for _ in arm.joints)
+    along = [f"--q={zero}", f"--q={more}"]
+    needed = {"map": over, "aspects": over, "locus": ["--family", "F1"], "along": along}
+    return needed.get(kind, [])
+
+
+SERIAL = ("planar3r", "scara", "stanford", "surgical7", "puma560", "irb1400", "iiwa14", "ur5",
+          "panda", "xarm7", "kinova", "z1", "tiago", "so101", "talos_arm")  # fmt: skip
+KINDS = ("curves", "map", "locus", "ellipsoids", "along", "workspace", "aspects", "solutions")
+QUICK_PLOTS = [("surgical7", "curves"), ("scara", "map")]
+
+
+@pytest.mark.parametrize(
+    ("robot", "kind"), tiered_rows([(r, k) for r in SERIAL for k in KINDS], QUICK_PLOTS)
+)
+def test_no_text_lies_over_another(drawn: Callable[..., Figure], robot: str, kind: str) -> None:
+    assert overlaps(drawn(kind, robot, *words_of(kind, pinsing.load(robot)))) == []
+
+
+def test_angles_of_figures_are_in_degrees_unless_radians_are_asked_for(drawn, monkeypatch):
+    for words, unit in (([], "deg"), (["--deg"], "deg"), (["--rad"], "rad")):
+        for kind in ("map", "locus"):
+            figure = drawn(kind, "planar3r", *words_of(kind, pinsing.load("planar3r")), *words)
+            assert f"[{unit}]" in figure.axes[0].get_xlabel()
+    monkeypatch.setattr("pinsing.loops.curves", lambda arm, _, k: (trace(arm, arm.home, k),))
+    figure = drawn("curves", URDF / "four_bar.urdf", "--loops")
+    assert any("deg" in ax.get_xlabel() for ax in figure.axes)
+
+
+MECHANISMS = sorted(p.name.split(".")[0] for p in URDF.glob("*.loops.yaml"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["map", "curves", "ellipsoids", "modes"])
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_no_text_of_a_mechanism_lies_over_another(drawn, name, kind):
+    assert overlaps(drawn(kind, URDF / f"{name}.urdf", "--loops")) == []

@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 from arms import URDF, textbook
-from click.testing import CliRunner
+from command_line import run
 from tiers import tiered_rows
 
 import pinsing
-from pinsing.cli.show import report_command
 from pinsing.errors import ConfigurationError, OptionError, OutputError
 from pinsing.proof.checker import verify
 from pinsing.proximity.trajectory import summary
@@ -101,16 +100,15 @@ def test_it_says_what_somebody_needs_who_was_not_there() -> None:
         assert f"Family {family.name}" in [words for _, words in page.headings]
         assert family.reason[1:] in page.text
     assert "three joints between base_link and tool0" in page.text
-    assert "proven" in page.text
-    assert pinsing.__version__ in page.text
-    assert "Pinocchio" in page.text or "pin " in page.text
+    for words in ("proven", pinsing.__version__, "Pinocchio"):
+        assert words in page.text
 
 
 def test_it_is_accessible() -> None:
     page = Outline(planar())
     assert page.all("html") == [{"lang": "en"}]
-    assert [level for level, _ in page.headings].count(1) == 1
     levels = [level for level, _ in page.headings]
+    assert levels.count(1) == 1
     assert all(b - a <= 1 for a, b in pairwise(levels))
     pictures = page.all("img")
     assert len(pictures) >= 2
@@ -133,7 +131,6 @@ def test_nothing_comes_from_elsewhere_and_no_script_runs() -> None:
         assert not any(key.startswith("on") for key in attrs)
     assert [s.get("type") for s in page.all("script")] == ["application/json"]
     policy = next(m["content"] for m in page.all("meta") if "http-equiv" in m)
-    assert policy is not None
     assert policy.startswith("default-src 'none'")
     assert "unsafe" not in policy
 
@@ -168,6 +165,12 @@ def stanford() -> tuple[str, Any]:
     return html, form
 
 
+def typed(arm: Any, pattern: str, text: str) -> np.ndarray:
+    """A configuration that a reader can type, in degrees and metres there."""
+    q = np.array([float(x) for x in re.search(pattern, text)[1].split(",")])
+    return np.where(arm.prismatic, q, np.radians(q))
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_what_is_lost_is_what_is_lost_at_the_configuration_that_stands_there() -> None:
@@ -175,15 +178,12 @@ def test_what_is_lost_is_what_is_lost_at_the_configuration_that_stands_there() -
     parts = html.split('<h3 id="F')[1:]
     assert len(parts) == 3
     for part in parts:
-        typed = re.search(r"<pre>--deg --q[ =]([^<]*)</pre>", part)
-        assert typed is not None
-        q = np.array([float(x) for x in typed[1].split(",")])
-        state = pinsing.at(arm, np.where(arm.prismatic, q, np.radians(q)))
+        state = pinsing.at(arm, typed(arm, r"<pre>--deg --q[ =]([^<]*)</pre>", part))
         assert state.status == "singular"
         assert state.lost
+        said = " ".join(unescape(re.sub("<[^>]*>", " ", part)).split())
         for motion in state.lost:
-            said = unescape(re.sub("<[^>]*>", " ", part))
-            assert str(motion)[1:] in " ".join(said.split())
+            assert str(motion)[1:] in said
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -198,10 +198,7 @@ def test_verdicts_are_those_of_at() -> None:
     assert states["bent"]["clearance"]["upper"] == pytest.approx(near, abs=1e-6)
     page = Outline(html)
     assert f"{np.degrees(near):.3g}°" in page.text
-    said = re.search(r"The zero pose is singular.*?--deg --q ([-0-9.,e]+)", page.text)
-    assert said
-    q = np.array([float(x) for x in said[1].rstrip(".").split(",")])
-    q = np.where(arm.prismatic, q, np.radians(q))
+    q = typed(arm, r"The zero pose is singular.*?--deg --q ([-0-9.,e]+\d)", page.text)
     assert pinsing.at(arm, q).status == "regular"
 
 
@@ -237,12 +234,12 @@ def test_an_arm_without_singularities(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_trajectory_is_judged_and_pictures_have_their_size(tmp_path: Path) -> None:
-    arm = pinsing.load("planar3r", task="position")
+    arm, way = textbook("planar3r", task="position"), [[0, -0.5, 0.2], [0, 0.5, -0.3]]
     page = tmp_path / "arm.html"
-    write_report(arm, page, trajectory=[[0, -0.5, 0.2], [0, 0.5, -0.3]], page="none")
+    write_report(arm, page, trajectory=way, page="none")
     outline = Outline(page.read_text())
-    check = pinsing.check_trajectory(arm, [[0, -0.5, 0.2], [0, 0.5, -0.3]])
-    assert ("The trajectory" in [w for _, w in outline.headings]) is True
+    check = pinsing.check_trajectory(arm, way)
+    assert (2, "The trajectory") in outline.headings
     verdict = summary(check, file="path", robot="ROBOT").splitlines()[0]
     met = outline.text.partition("Summary")[2].partition(" has three joints")[0]
     assert " ".join(verdict.split()) in met
@@ -272,7 +269,6 @@ def test_a_mechanism(tmp_path: Path) -> None:
     html = file.read_text()
     page = Outline(html)
     found = pinsing.loops.analyze_mechanism(mechanism)
-    assert found.forms is not None
     for locus in found.forms.loci:
         assert locus.words in page.text
     assert {"type 1", "type 2"} <= {p["kind"] for p in inside(html)["mechanism"]["points"]}
@@ -283,15 +279,11 @@ def test_a_mechanism(tmp_path: Path) -> None:
     assert names == ["home", "zero", "far", "asked"]  # joints without limits have no middle
 
 
-def run(*words: str) -> Any:
-    return CliRunner().invoke(report_command, list(words))
-
-
 @pytest.mark.slow
 def test_the_command_writes_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    result = run("planar3r", "--task", "position", "-o", "r.html", "--skeleton", "--deg",
-                 "--q", "10,20,30")  # fmt: skip
+    words = ("planar3r", "--task", "position", "--skeleton", "--deg", "--q", "10,20,30")
+    result = run("report", *words, "-o", "r.html")
     assert result.exit_code == 0, result.output + repr(result.exception)
     assert [p.name for p in tmp_path.iterdir()] == ["r.html"]
     html = Path("r.html").read_text()
@@ -307,9 +299,7 @@ FAILING = [(None, "needs Chromium"), ("/bin/false", "printed nothing")]
 
 
 @pytest.mark.parametrize(("browser", "said"), tiered_rows(FAILING, FAILING[:1]))
-def test_without_a_browser_that_prints_there_is_one_line_and_no_file(
-    browser, said, tmp_path, monkeypatch
-):
+def test_without_a_browser_that_prints_no_file_is_left(browser, said, tmp_path, monkeypatch):
     monkeypatch.setattr("pinsing.view.picture.find_browser", lambda: browser)
     arm = textbook("planar3r", task="position")
     with pytest.raises(OutputError, match=said):
@@ -319,24 +309,22 @@ def test_without_a_browser_that_prints_there_is_one_line_and_no_file(
 
 def test_forms_of_another_arm_are_refused(tmp_path: Path) -> None:
     form = pinsing.closed_form(textbook("stanford"))
-    with pytest.raises(OptionError, match="joints"):
-        write_report(textbook("planar3r"), tmp_path / "r.html", forms=form)
-    with pytest.raises(ConfigurationError, match="pose home"):
-        write_report(textbook("planar3r"), tmp_path / "r.html", poses={"home": [1.0]})
-    with pytest.raises(OptionError, match="nothing to write"):
-        write_report(textbook("planar3r"), None)
+    for file, given, error, words in (
+        (tmp_path / "r.html", {"forms": form}, OptionError, "joints"),
+        (tmp_path / "r.html", {"poses": {"home": [1.0]}}, ConfigurationError, "pose home"),
+        (None, {}, OptionError, "nothing to write"),
+    ):
+        with pytest.raises(error, match=words):
+            write_report(textbook("planar3r"), file, **given)
 
 
 @pytest.mark.slow
 def test_the_same_twice() -> None:
     """But for the time that it took."""
-    pages = [planar_again(), planar_again()]
-    same = [
-        re.sub(r'"(check_)?seconds":[-e\d.]+|[\d.e+-]+ m?s\b|<dd>[\d.e-]+ s</dd>', "", p)
-        for p in pages
-    ]
-    assert same[0] == same[1]
-    assert "1970-01-01 00:00 UTC" in pages[0]
+    times = r'"(check_)?seconds":[-e\d.]+|[\d.e+-]+ m?s\b|<dd>[\d.e-]+ s</dd>'
+    one, other = (re.sub(times, "", planar_again()) for _ in range(2))
+    assert one == other
+    assert "1970-01-01 00:00 UTC" in one
 
 
 @pytest.mark.slow
@@ -344,16 +332,14 @@ def test_it_opens_in_a_browser_and_so_does_the_model_inside(page: Any, tmp_path:
     file = tmp_path / "r.html"
     write_report(textbook("planar3r", task="position"), file, skeleton=True)
     page.goto(file.as_uri())
-    shown = "document.querySelectorAll('math').length"
-    assert page.evaluate(shown) > 3
+    assert page.evaluate("document.querySelectorAll('math').length") > 3
     assert page.evaluate("[...document.images].every(i => i.complete && i.naturalWidth > 300)")
     for width in (400, 1280):
         page.set_viewport_size({"width": width, "height": 800})
         wide = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
         assert page.evaluate(wide) <= 0
     page.click("summary")
-    inner = page.frame_locator("iframe")
-    inner.locator("body[data-ready=yes]").wait_for(timeout=90_000)
+    page.frame_locator("iframe").locator("body[data-ready=yes]").wait_for(timeout=90_000)
 
 
 @pytest.mark.slow
@@ -366,9 +352,8 @@ def test_reports_of_real_arms(name: str, tmp_path: Path, page: Any) -> None:
     assert paper.startswith(b"%PDF")
     outline = Outline((tmp_path / "r.html").read_text())
     form = pinsing.closed_form(arm)
-    assert len([1 for level, w in outline.headings if w.startswith("Family F")]) == len(
-        form.families
-    )
+    families = [w for _, w in outline.headings if w.startswith("Family F")]
+    assert len(families) == len(form.families)
     most = {"ur5": 7, "panda": 8, "hc10": 5}.get(name, 12)  # pages, none of them half-empty
     assert len(re.findall(rb"/Type */Page\b", paper)) <= most
     page.goto((tmp_path / "r.html").as_uri())
