@@ -59,9 +59,20 @@ def round_from(pose, count, radius):
     return T
 
 
+def as_poses(*rows):
+    """Poses of rows of text: x, y, z, roll, pitch, yaw."""
+    numbers = [np.array(row.split(), dtype=float) for row in rows]
+    return [pin.SE3(pin.rpy.rpyToMatrix(*x[3:]), x[:3]).homogeneous for x in numbers]
+
+
 def circle(arm, count, radius=0.12):
     """Poses of the torch along a circle, its rotation kept."""
     return round_from(*poses_of(arm, START, tool=TORCH), count, radius)
+
+
+def turned(angle):
+    """A turn about z, as a matrix."""
+    return pin.SE3(pin.utils.rotate("z", angle), np.zeros(3)).homogeneous
 
 
 def reached(arm, plan, T, tool):
@@ -69,6 +80,13 @@ def reached(arm, plan, T, tool):
     for q, value, pose in zip(plan.q, plan.values, T, strict=True):
         goal = pose @ turned(value if plan.free == "roll" else 0.0)
         np.testing.assert_allclose(tip_placement(arm, q).homogeneous @ tool, goal, atol=1e-7)
+
+
+def only_within(plan, form):
+    """The path meets no family, and leaves no limit."""
+    check = pinsing.check_trajectory(form.loaded, plan.q, forms=form)
+    assert not check.crossings
+    assert not check.outside
 
 
 @pytest.mark.slow
@@ -80,16 +98,13 @@ def test_a_torch_on_a_circle(ur5):
     assert np.degrees(plan.clearance) > 48
     assert 0 <= np.degrees(plan.bound - plan.clearance) < 2
     assert max(plan.fixed) < np.radians(25)
-    check = pinsing.check_trajectory(arm, plan.q, forms=form)
-    assert not check.crossings
-    assert not check.outside
+    only_within(plan, form)
     # Between the samples, too, the clearance is no less than what is said.
     s = np.linspace(0, 1, 7)[:, None, None]
     between = (plan.q[:-1] * (1 - s) + plan.q[1:] * s).reshape(-1, 6)
     true = pinsing.clearance(form, between, certify=True)
     assert true.upper.min() >= plan.clearance - 1e-9
-    again = PathPlan.from_json(plan.to_json())
-    assert again.clearance == plan.clearance
+    assert PathPlan.from_json(plan.to_json()).clearance == plan.clearance
     assert {"clearance", "bound"} <= json.loads(plan.to_json()).keys()
     above, _, _ = path_sheet(plan, form).axes
     # What is drawn for the tool as given: solutions of the poses themselves, as far as they go.
@@ -113,16 +128,10 @@ def test_the_optimum_is_that_of_brute_force(ur5, seed):
     T[:, :3, :3] = T[:, :3, :3] @ pin.exp3(0.3 * rng.normal(size=3))
     step = np.radians(60)
     plan = plan_path(form, T, free="roll", step=step, arm=arm, tool=TORCH)
-    angles = np.arange(6) * step
-    back = np.linalg.inv(TORCH)
-    nodes = []
+    back, nodes = np.linalg.inv(TORCH), []
     for pose in T:
-        here = []
-        for value in angles:
-            found = pinsing.inverse(arm, pose @ turned(value) @ back)
-            here += [s.q for s in found if s.within_limits]
-        nodes.append(np.array(here))
-    best = 0.0
+        found = [pinsing.inverse(arm, pose @ turned(k * step) @ back) for k in range(6)]
+        nodes.append(np.array([s.q for each in found for s in each if s.within_limits]))
     clear = [pinsing.clearance(form, q) for q in nodes]
     sure = [pinsing.clearance(form, q, certify=True, gap=1e-3).upper for q in nodes]
     reach = sure[0].copy()
@@ -182,11 +191,6 @@ def test_why_there_is_no_path(ur5):
         plan_path(form, poses, arm=arm, start=q[0] + 0.1)
     rushed = plan_path(form, poses, arm=arm, start=q[0], t=[0.0, 1e-3])
     assert "speed limit between poses 0 and 1" in rushed.reason
-
-
-def turned(angle):
-    """A turn about z, as a matrix."""
-    return pin.SE3(pin.utils.rotate("z", angle), np.zeros(3)).homogeneous
 
 
 def written(file, T):
@@ -441,9 +445,7 @@ def test_the_bound_is_near_where_the_branch_moves_fast_along_the_seventh_joint()
     reached(arm, plan, T, FLANGE)
     np.testing.assert_allclose(plan.q[:, 6], plan.values, atol=1e-9)
     assert 0 <= np.degrees(plan.bound - plan.clearance) < 1
-    check = pinsing.check_trajectory(arm, plan.q, forms=form)
-    assert not check.crossings
-    assert not check.outside
+    only_within(plan, form)
 
 
 @pytest.mark.slow
@@ -806,12 +808,6 @@ def test_no_joint_jumps_from_pose_to_pose(tmp_path):
     plan = plan_path(form, seam(tmp_path), free="roll", arm=arm, tool=TORCH)
     assert np.degrees(plan.clearance) > 66
     assert not pinsing.check_trajectory(arm, plan.q, forms=form).jumps
-
-
-def as_poses(*rows):
-    """Poses of rows of text: x, y, z, roll, pitch, yaw."""
-    numbers = [np.array(row.split(), dtype=float) for row in rows]
-    return [pin.SE3(pin.rpy.rpyToMatrix(*x[3:]), x[:3]).homogeneous for x in numbers]
 
 
 @pytest.mark.slow

@@ -35,6 +35,10 @@ WARNINGS = [
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
 
 
+def pointers(*arrays: Array) -> list[Any]:
+    return [a.ctypes.data_as(ctypes.c_void_p) for a in arrays]
+
+
 @dataclass
 class CGuard:
     """A header in a shared library."""
@@ -49,25 +53,21 @@ class CGuard:
         Q = np.ascontiguousarray(Q, dtype=float)
         lower, number = np.empty(len(Q)), np.empty(len(Q), dtype=np.int32)
         each = np.empty((len(Q), self.families, 2 + self.n))
-        self.library.ask(
-            len(Q), *(ctypes.c_void_p(a.ctypes.data) for a in (Q, lower, number, each))
-        )
+        self.library.ask(len(Q), *pointers(Q, lower, number, each))
         return lower, number, each
 
     def values(self, Q: Array) -> Array:
         """Values and gradients (N, E, 1 + n) of all equations."""
         Q = np.ascontiguousarray(Q, dtype=float)
         out = np.empty((len(Q), self.equations, 1 + self.n))
-        self.library.equations(len(Q), *(ctypes.c_void_p(a.ctypes.data) for a in (Q, out)))
+        self.library.equations(len(Q), *pointers(Q, out))
         return out
 
     def clear(self, q: Array, radius: float) -> bool:
-        q = np.ascontiguousarray(q, dtype=float)
-        return bool(self.library.clear(ctypes.c_void_p(q.ctypes.data), ctypes.c_double(radius)))
+        return bool(self.library.clear(*pointers(np.array(q, float)), ctypes.c_double(radius)))
 
     def inside(self, q: Array) -> bool:
-        q = np.ascontiguousarray(q, dtype=float)
-        return bool(self.library.inside(ctypes.c_void_p(q.ctypes.data)))
+        return bool(self.library.inside(*pointers(np.array(q, float))))
 
     def text(self, function: str, i: int) -> bytes:
         call = getattr(self.library, function)
@@ -75,32 +75,24 @@ class CGuard:
         return bytes(call(i))
 
 
-def number_of(header: str, name: str) -> int:
-    found = re.search(rf"^#define \w+_{name} (\d+)$", header, re.MULTILINE)
-    return int(found[1])
-
-
 def compiled(header: str, folder: Path, *flags: str, compiler: str = "gcc") -> CGuard:
     (folder / "guard.h").write_text(header, encoding="ascii")
-    prefix = re.search(r"^#ifndef (\w+)_GUARD_H$", header, re.MULTILINE)
-    big = prefix[1]
-    small = re.search(rf"double ({big.lower()})_clearance", header, re.MULTILINE)
-    assert small is not None
+    prefix = re.search(r"^#ifndef (\w+)_GUARD_H$", header, re.MULTILINE)[1]
     library = folder / "guard.so"
     language = ["-std=c99"] if compiler == "gcc" else ["-std=c++11", "-x", "c++"]
-    counts = {name: number_of(header, name) for name in ("JOINTS", "FAMILIES", "EQUATIONS")}
+    names = "JOINTS", "FAMILIES", "EQUATIONS"
+    counts = [re.search(rf"^#define {prefix}_{x} (\d+)$", header, re.MULTILINE)[1] for x in names]
     done = subprocess.run(
         [
             compiler, *language, *WARNINGS, *(flags or ("-O2",)), "-shared", "-fPIC",
-            f'-DGUARD_HEADER="{folder}/guard.h"', f"-DPREFIX={small[1]}",
-            *(f"-D{name}_={count}" for name, count in counts.items()),
+            f'-DGUARD_HEADER="{folder}/guard.h"', f"-DPREFIX={prefix.lower()}",
+            *(f"-D{name}_={count}" for name, count in zip(names, counts, strict=True)),
             "-o", str(library), str(DRIVER), "-lm",
         ],
         capture_output=True, text=True, timeout=120,
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
-    return CGuard(ctypes.CDLL(str(library)), *counts.values())
+    assert (done.returncode, done.stderr) == (0, "")
+    return CGuard(ctypes.CDLL(str(library)), *map(int, counts))
 
 
 def module(text: str, folder: Path) -> ModuleType:
@@ -110,6 +102,12 @@ def module(text: str, folder: Path) -> ModuleType:
     found = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(found)
     return found
+
+
+def both(folder: Path, arm: Arm, **how: Any) -> tuple[CGuard, ModuleType]:
+    """The guards of two languages."""
+    c, python = (make_guard(arm, language, **how).text for language in ("c", "python"))
+    return compiled(c, folder, "-O0"), module(python, folder)
 
 
 def configurations(form: ClosedForm, count: int, seed: int = 0) -> Array:
@@ -126,8 +124,11 @@ def configurations(form: ClosedForm, count: int, seed: int = 0) -> Array:
     return np.concatenate([on_them, near, far, limits, rng.uniform(-4, 4, (rest, n))])
 
 
-def sliding_form() -> tuple[Arm, ClosedForm]:
-    """d3^2 + 0.5 d3 cos q2 - 0.3 = 0 and q5 = 0.2, and d3 = 0.1 or both, in a Stanford arm."""
+def case(name: str) -> tuple[Arm, ClosedForm]:
+    """A robot; or d3^2 + 0.5 d3 cos q2 - 0.3 = 0 and q5 = 0.2, and d3 = 0.1 or both, in an arm."""
+    if name != "slides":
+        arm = pinsing.load(**ROBOTS[name], units="rad")
+        return arm, pinsing.closed_form(arm, prove=False)
     arm = pinsing.load("stanford", units="rad", length_scale=0.4)
     form = pinsing.closed_form(arm, prove=False)
     equation = sliding_equation(form)
@@ -137,14 +138,7 @@ def sliding_form() -> tuple[Arm, ClosedForm]:
     return arm, replace(form, families=(single, *form.families[1:], both))
 
 
-def case(name: str) -> tuple[Arm, ClosedForm]:
-    if name == "slides":
-        return sliding_form()
-    arm = pinsing.load(**ROBOTS[name], units="rad")
-    return arm, pinsing.closed_form(arm, prove=False)
-
-
-def compare(arm: Arm, form: ClosedForm, found: CGuard, count: int) -> None:
+def compare(form: ClosedForm, found: CGuard, count: int) -> None:
     """A guard against pinsing: never above, and the same but for rounding."""
     Q = configurations(form, count)
     lower, number, each = found.ask(Q)
@@ -192,29 +186,23 @@ def test_a_header_says_what_pinsing_says(name: str, compiler: str, tmp_path: Pat
     arm, form = case(name)
     compiler, *flags = compiler.split()
     header = pinsing.export_guard(arm, "c", forms=form)
-    compare(arm, form, compiled(header, tmp_path, *flags, compiler=compiler), 3000)
+    compare(form, compiled(header, tmp_path, *flags, compiler=compiler), 3000)
 
 
 @needs_gcc
 def test_fast_math_is_refused(tmp_path: Path) -> None:
     (tmp_path / "g.h").write_text(pinsing.export_guard(arm_of("scara"), forms=closed("scara")))
     (tmp_path / "g.c").write_text('#include "g.h"\nint main(void) { return 0; }\n')
-    done = subprocess.run(
-        ["gcc", "-std=c99", "-ffast-math", str(tmp_path / "g.c"), "-o", str(tmp_path / "g")],
-        capture_output=True,
-        text=True,
-    )
+    words = ["gcc", "-std=c99", "-ffast-math", "g.c", "-o", "g"]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode != 0
     assert "not true under -ffast-math" in done.stderr
 
 
-@pytest.mark.parametrize(
-    "name",
-    tiered(
-        ["ur5", "puma560", "stanford", "panda", "surgical7", "slides", "baxter"],
-        ("ur5", "stanford", "slides"),
-    ),
-)
+MODULES = ["ur5", "puma560", "stanford", "panda", "surgical7", "slides", "baxter"]
+
+
+@pytest.mark.parametrize("name", tiered(MODULES, ("ur5", "stanford", "slides")))
 def test_a_python_guard_says_what_pinsing_says(name: str, tmp_path: Path) -> None:
     arm, form = case(name)
     found = module(pinsing.export_guard(arm, "python", forms=form), tmp_path)
@@ -246,9 +234,7 @@ def test_a_python_guard_says_what_pinsing_says(name: str, tmp_path: Path) -> Non
 
 @needs_gcc
 def test_values_that_are_not_finite_are_never_clear(tmp_path: Path) -> None:
-    arm, form = arm_of("ur5"), closed("ur5")
-    c = compiled(pinsing.export_guard(arm, forms=form), tmp_path, "-O0")
-    python = module(pinsing.export_guard(arm, "python", forms=form), tmp_path)
+    c, python = both(tmp_path, arm_of("ur5"), forms=closed("ur5"))
     good = np.array([0, -1.2, 1.3, -1, -1.4, 0])
     assert c.clear(good, 0.05)
     assert python.is_clear(good, 0.05)
@@ -264,9 +250,8 @@ def test_values_that_are_not_finite_are_never_clear(tmp_path: Path) -> None:
 
 @needs_gcc
 def test_limits(tmp_path: Path) -> None:
-    arm, form = arm_of("scara"), closed("scara")
-    c = compiled(pinsing.export_guard(arm, forms=form), tmp_path, "-O0")
-    python = module(pinsing.export_guard(arm, "python", forms=form), tmp_path)
+    arm = arm_of("scara")
+    c, python = both(tmp_path, arm, forms=closed("scara"))
     for q in ([0, 1, 0.1, 0], [0, 3, 0.1, 0], [0, 1, -0.1, 0], arm.lower, arm.upper):
         expected = bool(((np.array(q) >= arm.lower) & (np.array(q) <= arm.upper)).all())
         assert c.inside(np.array(q)) is expected
@@ -289,12 +274,9 @@ def test_names_that_want_to_be_code(name: str, tmp_path: Path) -> None:
     odd = replace(arm, name=name, joints=joints, source=source, tip=arm.tip)
     form = replace(form, arm=replace(form.arm, name=name, joints=joints))
     form = replace(form, families=(replace(form.families[0], text=name),))
-    header = pinsing.export_guard(odd, forms=form)
-    assert header.isascii()
-    c = compiled(header, tmp_path, "-O0")
+    c, python = both(tmp_path, odd, forms=form)
     assert c.text("joint_name", 1) == f"x{name}".encode("utf-8", "backslashreplace").split(b"\0")[0]
     assert c.text("family_text", 0) == name.encode("utf-8", "backslashreplace").split(b"\0")[0]
-    python = module(pinsing.export_guard(odd, "python", forms=form), tmp_path)
     assert joints == python.JOINTS
     assert (name,) == python.TEXTS
     Q = configurations(form, 200)
@@ -311,8 +293,7 @@ def test_where_families_are_missing_nothing_is_clear(tmp_path: Path) -> None:
         made = make_guard(arm, "c", forms=form, families=families)
         assert not made.complete
         assert made.notes
-        c = compiled(made.text, tmp_path, "-O0")
-        python = module(make_guard(arm, "python", forms=form, families=families).text, tmp_path)
+        c, python = both(tmp_path, arm, forms=form, families=families)
         rng = np.random.default_rng(0)
         for q in rng.uniform(-2, 2, (20, 7)):
             assert not c.clear(q, 0.0)
@@ -341,8 +322,7 @@ def of_positions() -> pinsing.ClosedForm:
 
 def test_what_a_guard_promises():
     form = closed("stanford")
-    unsure = replace(form.families[2], real=False)
-    form = replace(form, families=(*form.families[:2], unsure))
+    form = replace(form, families=(*form.families[:2], replace(form.families[2], real=False)))
     assert "#define STANFORD_FAMILIES 3" in pinsing.export_guard(arm_of("stanford"), forms=form)
     for language in ("c", "python"):
         text = make_guard(arm_of("ur5"), language, forms=closed("ur5")).text
@@ -363,56 +343,58 @@ def test_forms_of_two_tasks_and_of_another_arm() -> None:
     text = pinsing.export_guard(arm, "python", forms=both)
     assert "'pose F1'" in text
     assert "'position F1'" in text
-    with pytest.raises(OptionError, match="another arm"):
-        pinsing.export_guard(arm, forms=closed("ur10"))
-    with pytest.raises(UnknownNameError):
-        pinsing.export_guard(arm, forms=closed("ur5"), families=["F9"])
-    with pytest.raises(PinsingError, match="language"):
-        pinsing.export_guard(arm, "rust", forms=closed("ur5"))
-    with pytest.raises(OptionError, match="arm must be"):
-        pinsing.export_guard(pinsing.load_mechanism("urdf/five_bar.urdf"))
+    mechanism = pinsing.load_mechanism("urdf/five_bar.urdf")
+    for given, options, error, said in (
+        (arm, {"forms": closed("ur10")}, OptionError, "another arm"),
+        (arm, {"forms": closed("ur5"), "families": ["F9"]}, UnknownNameError, "F9"),
+        (arm, {"forms": closed("ur5"), "language": "rust"}, PinsingError, "language"),
+        (mechanism, {}, OptionError, "arm must be"),
+    ):
+        with pytest.raises(error, match=said):
+            pinsing.export_guard(given, **options)
 
 
-class TestCommand:
-    def test_how_sure_it_is_stands_in_the_files_and_on_stderr(self, tmp_path: Path) -> None:
-        h, py = tmp_path / "guard.h", tmp_path / "guard.py"
-        words = "export", "ur5", "-o", h, "-o", py
-        done = run(*words, "--no-prove")
-        assert done.exit_code == 0
-        assert "is probable, not proven: no certificate was looked for" in done.stderr
-        assert "--prove looks for a certificate" in done.stderr
-        for said in ('#define UR5_WORD "probable"', "is probable, not proven"):
-            assert said in h.read_text()
-        guard = module(py.read_text(), tmp_path)
-        assert (guard.WORD, guard.COMPLETE) == ("probable", True)
-        assert any("probable" in note for note in guard.NOTES)
-        done = run(*words, "--prove")
-        assert done.exit_code == 0
-        assert "probable" not in done.stderr
-        assert f"wrote {h}" in done.stderr
-        proven = pinsing.closed_form(arm_of("ur5"))
-        assert h.read_text() == pinsing.export_guard(arm_of("ur5"), forms=proven)
-        assert '#define UR5_WORD "proven"' in h.read_text()
-        assert module(py.read_text(), tmp_path).WORD == "proven"
+def test_how_sure_it_is_stands_in_the_files_and_on_stderr(tmp_path: Path) -> None:
+    h, py = tmp_path / "guard.h", tmp_path / "guard.py"
+    words = "export", "ur5", "-o", h, "-o", py
+    done = run(*words, "--no-prove")
+    assert done.exit_code == 0
+    assert "is probable, not proven: no certificate was looked for" in done.stderr
+    assert "--prove looks for a certificate" in done.stderr
+    for said in ('#define UR5_WORD "probable"', "is probable, not proven"):
+        assert said in h.read_text()
+    guard = module(py.read_text(), tmp_path)
+    assert (guard.WORD, guard.COMPLETE) == ("probable", True)
+    assert any("probable" in note for note in guard.NOTES)
+    done = run(*words, "--prove")
+    assert done.exit_code == 0
+    assert "probable" not in done.stderr
+    assert f"wrote {h}" in done.stderr
+    proven = pinsing.closed_form(arm_of("ur5"))
+    assert h.read_text() == pinsing.export_guard(arm_of("ur5"), forms=proven)
+    assert '#define UR5_WORD "proven"' in h.read_text()
+    assert module(py.read_text(), tmp_path).WORD == "proven"
 
-    def test_what_is_missing_is_said(self, tmp_path: Path) -> None:
-        done = run("export", "panda", "--seconds", "0.02", "-o", str(tmp_path / "g.h"))
-        assert done.exit_code == 0
-        assert "not complete" in done.stderr
-        assert "nothing is ever clear" in done.stderr
 
-    @pytest.mark.parametrize(
-        "words",
-        [
-            ("ur5",), ("ur5", "-o", "-.h", "-o", "-.py"), ("ur5", "-o", "nowhere/at/all/g.h"),
-            ("ur5", "-o", "-.h", "--prefix", "7"), ("ur5", "-o", "-.h", "--family", "F42"),
-            ("ur5", "-o", "-.h", "--seconds", "0"), ("no_such_robot", "-o", "-.h"),
-        ],
-    )  # fmt: skip
-    def test_bad_input_is_one_line(self, words: tuple[str, ...]) -> None:
-        done = run("export", *words)
-        assert (done.exit_code, done.stdout) == (2, "")
-        assert sum("error: " in line for line in done.stderr.splitlines()) == 1
+def test_the_command_says_what_is_missing(tmp_path: Path) -> None:
+    done = run("export", "panda", "--seconds", "0.02", "-o", str(tmp_path / "g.h"))
+    assert done.exit_code == 0
+    assert "not complete" in done.stderr
+    assert "nothing is ever clear" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("ur5",), ("ur5", "-o", "-.h", "-o", "-.py"), ("ur5", "-o", "nowhere/at/all/g.h"),
+        ("ur5", "-o", "-.h", "--prefix", "7"), ("ur5", "-o", "-.h", "--family", "F42"),
+        ("ur5", "-o", "-.h", "--seconds", "0"), ("no_such_robot", "-o", "-.h"),
+    ],
+)  # fmt: skip
+def test_bad_input_of_the_command_is_one_line(words: tuple[str, ...]) -> None:
+    done = run("export", *words)
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert sum("error: " in line for line in done.stderr.splitlines()) == 1
 
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -424,10 +406,8 @@ def test_the_example_in_c(tmp_path: Path) -> None:
     folder = tmp_path / "guard_c"
     shutil.copytree(EXAMPLES / "guard_c", folder)
     (folder / "ur5_guard.h").write_text(pinsing.export_guard(arm_of("ur5"), forms=closed("ur5")))
-    subprocess.run(
-        ["make", f"CFLAGS=-std=c99 -O2 {' '.join(WARNINGS)}", "loop"],
-        cwd=folder, check=True, capture_output=True,
-    )  # fmt: skip
+    words = ["make", f"CFLAGS=-std=c99 -O2 {' '.join(WARNINGS)}", "loop"]
+    subprocess.run(words, cwd=folder, check=True, capture_output=True)
     done = subprocess.run(["./loop"], cwd=folder, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0
     assert "q5 = 0\u00b0 or 180\u00b0, slowing down" in done.stdout
@@ -468,10 +448,9 @@ def test_guards_and_a_report_say_what_a_monitor_says(tmp_path):
     assert out == "".join(str(int(x)) for x in said)
     with pytest.raises(OptionError, match="zones are of scara"):
         pinsing.export_guard(pinsing.load("planar3r"), zones=found)
-    pinsing.write_report(
-        form.loaded, tmp_path / "report.html", forms=form, zones=found, page="none"
-    )
-    html = (tmp_path / "report.html").read_text()
+    page = tmp_path / "report.html"
+    pinsing.write_report(form.loaded, page, forms=form, zones=found, page="none")
+    html = page.read_text()
     assert "How near is too near" in html
     assert "keep 20.3\N{DEGREE SIGN} from F1" in html
     bad = run("report", "scara", "--zones", tmp_path / "guard.py", "-o", tmp_path / "r.html")
