@@ -92,9 +92,8 @@ def test_task_derivatives_are_scaled_like_the_task(rng):
     other = arm.with_task("position", length_scale=0.1)
     loaded = pinsing.load("panda", task="position", length_scale=0.1)
     Q = draw(arm, rng, 3)
-    np.testing.assert_array_equal(
-        kinematics.task_jacobians(other, Q), kinematics.task_jacobians(loaded, Q)
-    )
+    of_other, of_loaded = (kinematics.task_jacobians(a, Q) for a in (other, loaded))
+    np.testing.assert_array_equal(of_other, of_loaded)
     assert (arm.task.name, arm.length_scale) == ("pose", 1.0)
     assert (kinematics.generic_rank(arm), kinematics.generic_rank(other)) == (6, 3)
 
@@ -120,13 +119,10 @@ def test_generic_rank_is_of_the_nominal_geometry():
     """Axes parallel but for a rounded angle: the third direction is a rounding error."""
     tilt = pin.SE3(pin.utils.rotate("x", 2e-6), np.array([0.5, 0.0, 0.0]))
     straight = pin.SE3(np.eye(3), np.array([0.5, 0.0, 0.0]))
-    model = serial(
-        [(pin.JointModelRZ(), p) for p in (pin.SE3.Identity(), tilt, straight, tilt)], straight
-    )
-    arm = pinsing.load(model, tip="tip")
+    places = pin.SE3.Identity(), tilt, straight, tilt
+    arm = pinsing.load(serial([(pin.JointModelRZ(), p) for p in places], straight), tip="tip")
     assert kinematics.generic_rank(arm) == 3
-    raw = np.linalg.matrix_rank(kinematics.frame_jacobian(arm, [0.3, 0.5, 0.7, 0.2]))
-    assert raw == 4
+    assert np.linalg.matrix_rank(kinematics.frame_jacobian(arm, [0.3, 0.5, 0.7, 0.2])) == 4
 
 
 @pytest.mark.slow
@@ -142,9 +138,8 @@ def test_a_task_that_nothing_but_rounding_serves(rng):
     assert np.isinf(arm.upper[[0, 3, 5]]).all()
     q = draw(arm, rng, 1)[0]
     turn = 2 * np.pi * np.array([1, 0, 0, -2, 0, 3])
-    np.testing.assert_allclose(
-        kinematics.frame_jacobian(arm, q + turn), kinematics.frame_jacobian(arm, q), atol=1e-13
-    )
+    here, there = kinematics.frame_jacobians(arm, np.array([q, q + turn]))
+    np.testing.assert_allclose(there, here, atol=1e-13)
 
 
 @needs_kernel
@@ -287,9 +282,8 @@ def test_derivatives_and_engines_agree(task, rng):
     compiled = ("auto", "baseline") if kernel.available() else ("auto",)
     by = [kinematics.singular_values(arm, Q, engine=e) for e in (*compiled, "pinocchio")]
     np.testing.assert_allclose(by, [by[0]] * len(by), atol=1e-12)
-    np.testing.assert_allclose(
-        kinematics.tip_rotations(arm, Q), kinematics.tip_rotations(arm, Q, "pinocchio"), atol=1e-12
-    )
+    compiled, loop = (kinematics.tip_rotations(arm, Q, e) for e in ("auto", "pinocchio"))
+    np.testing.assert_allclose(compiled, loop, atol=1e-12)
 
 
 def with_the_turn(arm, q, axis):
@@ -339,9 +333,8 @@ def test_rows_of_both_axes_have_no_certificate_and_say_so():
 @pytest.mark.parametrize("task", tiered(["tool-axis", "vz,wx@tip,wy@tip"], {"tool-axis"}))
 def test_the_page_computes_the_same(task, rng):
     arm = pinsing.load("puma560", task=task)
-    Q = np.concatenate(
-        [arm.space.sample(20, rng), *(f.sample(3, rng) for f in pinsing.closed_form(arm).families)]
-    )
+    on = [family.sample(3, rng) for family in pinsing.closed_form(arm).families]
+    Q = np.concatenate([arm.space.sample(20, rng), *on])
     data = engine_data(arm, (), sizes(arm))
     found = ask("Q.map((q) => m.frameAt(data, q))", data=data, Q=Q)
     for q, here in zip(Q, found, strict=True):
@@ -374,9 +367,8 @@ def test_a_line_turns_the_tool_the_shortest_way(ur5):
     start = kinematics.tip_placement(ur5, q)
     goal = start.homogeneous.copy()
     goal[:3, 3] += [0.05, 0.02, -0.03]
-    goal[:3, :3] = (
-        pin.exp3(np.array([0.1, 0.2, 0.0])) @ start.rotation @ pin.exp3(np.array([0.0, 0.0, 2.0]))
-    )
+    tilt, turn = pin.exp3(np.array([0.1, 0.2, 0.0])), pin.exp3(np.array([0.0, 0.0, 2.0]))
+    goal[:3, :3] = tilt @ start.rotation @ turn
     line = pinsing.check_line(ur5, q, goal)
     end = kinematics.tip_placement(ur5, line.q[-1])
     np.testing.assert_allclose(end.translation, goal[:3, 3], atol=1e-9)
@@ -526,13 +518,11 @@ def test_the_length_scale_changes_sigma_and_no_verdict(name: str, task: str) -> 
         arm = plain.with_task(length_scale=length_scale)
         assert kinematics.generic_rank(arm) == kinematics.generic_rank(plain)
         np.testing.assert_allclose(kinematics.ratios(arm, Q), expected, rtol=1e-9, atol=1e-15)
-        sigma = kinematics.measure(arm, Q).sigma
+        sigma, of_plain = (kinematics.measure(a, Q).sigma for a in (arm, plain))
         if (rows < 3).all():
-            np.testing.assert_allclose(
-                sigma * length_scale, kinematics.measure(plain, Q).sigma, rtol=1e-9, atol=1e-15
-            )
+            np.testing.assert_allclose(sigma * length_scale, of_plain, rtol=1e-9, atol=1e-15)
         elif (rows >= 3).all():
-            np.testing.assert_array_equal(sigma, kinematics.measure(plain, Q).sigma)
+            np.testing.assert_array_equal(sigma, of_plain)
 
 
 @pytest.mark.parametrize("power", [-8, -3, 3])
@@ -561,8 +551,6 @@ def test_a_task_that_can_vanish_is_singular_there_for_all():
     arm = arms.textbook("stanford")
     result = sweep(arm, levels=1, samples=61)
     assert {row.status for row in result.uniform} > {"regular"}
-    findings = singular_configurations(arm, result)
-    assert [str(f.condition) for f in findings if f.status == "singular"]
-    assert all(
-        describe(arm, f.configuration.q).singular for f in findings if f.status == "singular"
-    )
+    found = [f for f in singular_configurations(arm, result) if f.status == "singular"]
+    assert found
+    assert all(describe(arm, f.configuration.q).singular for f in found)

@@ -33,25 +33,25 @@ from pinsing.kinematics.refine import (
 )
 from pinsing.robot.nominal import nominal
 
-ARMS = {
-    "stanford": lambda: arms.textbook("stanford"),
-    "surgical7": lambda: arms.textbook("surgical7"),
-    "puma560": lambda: arms.textbook("puma560"),
-    "irb1400": lambda: arms.textbook("irb1400"),
-    "iiwa14": lambda: arms.textbook("iiwa14"),
-    "ur5": arms.ur5,
-    "scara": lambda: arms.textbook("scara"),  # n < m
-    "planar3r": lambda: arms.textbook("planar3r"),  # r = n < m
-    "planar4r pose": lambda: arms.planar((1, 0.8, 0.5, 0.3), task="pose"),  # r < n < m
-    "planar4r position": lambda: arms.planar((1, 0.8, 0.5, 0.3)),  # r < m < n
-    "puma560 position": lambda: arms.textbook("puma560", task="position"),
-}
+# Of 4 joints n < m, of planar3r r = n < m, of planar4r r < n < m, and of its position r < m < n.
+ARMS = (
+    "stanford", "surgical7", "puma560", "irb1400", "iiwa14", "ur5", "scara", "planar3r",
+    "planar4r", "planar4r position", "puma560 position",
+)  # fmt: skip
+
+
+def made(words):
+    """An arm, and its task where that is not the pose."""
+    name, task = (*words.split(), "pose")[:2]
+    if name == "planar4r":
+        return arms.planar((1, 0.8, 0.5, 0.3), task)
+    return arms.ur5() if name == "ur5" else arms.textbook(name, task)
 
 
 @pytest.mark.parametrize("name", ARMS)
 def test_random_starts_all_arrive(name, rng):
     """Machine accuracy from anywhere, S-R-S arms and every relation of m, n and r included."""
-    arm = ARMS[name]()
+    arm = made(name)
     Q = rng.uniform(-1, 1, (100, arm.n)) * np.where(arm.prismatic, 0.5, np.pi)
     end = approach(arm, Q)
     assert end.converged.all()
@@ -66,7 +66,7 @@ def test_random_starts_all_arrive(name, rng):
 @pytest.mark.parametrize("name", ARMS)
 def test_gradient_against_finite_differences(name, rng):
     """First row of the equations: d sigma_r / dq = u' dJ v, where sigma_r is simple."""
-    arm = ARMS[name]()
+    arm = made(name)
     q = rng.uniform(-1, 1, arm.n)
     B, sigma = constraint_gradient(arm, q)
     m, r = len(arm.task.rows), generic_rank(arm)
@@ -143,7 +143,7 @@ def test_wrong_input():
 @pytest.mark.parametrize("name", sampled(ARMS))
 def test_compiled_walks_are_those_in_numpy(name, rng, monkeypatch):
     """Joints held at random, with and without limits: the same ends, and as exact."""
-    arm = ARMS[name]()
+    arm = made(name)
     Q = rng.uniform(-1, 1, (60, arm.n)) * np.where(arm.prismatic, 0.5, np.pi)
     Q[::2] = np.clip(Q[::2], arm.lower, arm.upper)
     free = rng.random(Q.shape) < 0.7

@@ -109,12 +109,8 @@ def test_parts_of_joint_space_are_told_apart_one_by_one():
     assert len(told.likely) == 8
     assert np.array_equal(told.likely[0], start)
     far = [np.linalg.norm(copy - start) for copy in told.likely]
-    every = sorted(
-        np.linalg.norm(copy - start)
-        for copy, number in zip(copies_of(arm, start), there, strict=True)
-        if number == of.of(start)
-    )
-    assert far == pytest.approx(every[:8])
+    alike = copies_of(arm, start)[np.array(there) == of.of(start)]
+    assert far == pytest.approx(sorted(np.linalg.norm(alike - start, axis=1))[:8])
     held = whole_turns(map_of(of, form), start, start, held=range(5))
     assert (held.total, held.joined, held.apart) == (2, 2, 0)
 

@@ -25,12 +25,9 @@ class PlainBounds(SpeedBounds):
             z = self._norms(A)
             most = self._largest(z)
             best[most < least], least = A[most < least], np.minimum(least, most)
-            share = (
-                z[:, : len(self.judge.limits)]
-                / self.judge.limits
-                / np.maximum(most, 1e-300)[:, None]
-            )
-            ease[:, : len(self.judge.limits)] /= np.maximum(share, 0.3) ** 1.5
+            limits = self.judge.limits
+            share = z[:, : len(limits)] / limits / np.maximum(most, 1e-300)[:, None]
+            ease[:, : len(limits)] /= np.maximum(share, 0.3) ** 1.5
         return best
 
     def _largest(self, z):
@@ -180,9 +177,8 @@ class PlainBounds(SpeedBounds):
                 angle, arms = angle + turning[:, j], arms + r[:, j] * lever
         moved = np.zeros((N, 3))
         if self.still:
-            moved = np.stack(
-                [behind.sum(axis=1), pairs.sum(axis=1) / 2, triples.sum(axis=1) / 6], 1
-            )
+            orders = behind.sum(axis=1), pairs.sum(axis=1) / 2, triples.sum(axis=1) / 6
+            moved = np.stack(orders, axis=1)
             moved += NOISE * (self.far.max() + 1)
             moved = np.cumsum(moved[:, ::-1], axis=1)[:, ::-1]
         else:
@@ -213,11 +209,8 @@ class PlainBounds(SpeedBounds):
             off = np.linalg.norm(da - with_it[..., None] * unit[:, None], axis=-1)
             across = np.einsum("nj,njd->nd", r, off)
             least = length - np.einsum("nj,njd->nd", r, np.abs(with_it))
-            bent = np.where(
-                least > 0,
-                np.minimum(across, across**2 / (2 * np.maximum(least, 1e-100))),
-                across - 2 * least,
-            )
+            bow = np.minimum(across, across**2 / (2 * np.maximum(least, 1e-100)))
+            bent = np.where(least > 0, bow, across - 2 * least)
             most += speed * (length + bent)
             along += speed * with_it
         return most + (np.abs(along) * r[..., None]).sum(axis=1)

@@ -143,7 +143,7 @@ def test_a_damaged_plan_is_refused(tmp_path: Path, text: str) -> None:
 
 def test_two_at_once(tmp_path: Path) -> None:
     code = (
-        "import sys, time; from pinsing.sampling.execute import open_run\n"
+        "import time; from pinsing.sampling.execute import open_run\n"
         f"with open_run({str(tmp_path)!r}, {IDENTITY!r}, 3):\n"
         "    print('in', flush=True); time.sleep(60)"
     )

@@ -129,9 +129,8 @@ def test_curve_look_up(stanford):
 
 def test_prune_false_keeps_what_the_figures_need():
     """Figure 8a: q2 = q3 = 0 while q5 moves; and supersets such as q2 = q3 = q4 = 0."""
-    result = sweep(
-        arms.textbook("surgical7"), PAPER, levels=[2, 3], ignore_limits=True, prune=False
-    )
+    options = {"levels": [2, 3], "ignore_limits": True, "prune": False}
+    result = sweep(arms.textbook("surgical7"), PAPER, **options)
     assert result.curve({"q2": 0.0, "q3": 0.0}, "q5").sigma_ratio.max() < 1e-12
     assert result.curve({"q2": 0.0, "q3": 0.0, "q4": 0.0}, "q5").level == 3
     assert not any(c.level == 1 for c in result.curves)
@@ -248,12 +247,9 @@ def test_minima_are_neither_lost_nor_doubled(rng: np.random.Generator) -> None:
     """Rough curves with plateaus."""
     for _ in range(40):
         values = rng.integers(1, 6, 23).astype(float)
-        expected = [
-            i
-            for i in range(23)
-            if (i == 0 or values[i] < values[i - 1]) and (i == 22 or values[i] <= values[i + 1])
-        ]
-        assert dips(values).tolist() == expected
+        before, after = np.append(np.inf, values[:-1]), np.append(values[1:], np.inf)
+        expected = np.flatnonzero((values < before) & (values <= after))
+        np.testing.assert_array_equal(dips(values), expected)
 
 
 def test_a_singular_stretch_is_one_candidate() -> None:
