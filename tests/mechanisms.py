@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from arms import URDF
+from arms import URDF, place
 from node import ask
 
 from pinsing.loops import (
@@ -19,7 +19,9 @@ from pinsing.loops import (
 )
 from pinsing.loops.closure import at_zero, plane_normal, random_closed, residual
 from pinsing.loops.pose_loci import variables_at
+from pinsing.robot.arm import Source
 from pinsing.robot.mechanism import Loop, Mechanism, load_mechanism
+from pinsing.robot.task import parse_task
 from pinsing.view.mechanism_viewer import linkage_sizes, mechanism_data
 
 R1, R2, R3 = 1.2, 1.0, 0.8
@@ -91,41 +93,23 @@ def planar_tree(
 
     The last link of chain ``c`` ends in frame ``c_end``; the root has a frame ``ground``.
     """
-    model = pin.Model()
+    model, kind = pin.Model(), pin.FrameType.OP_FRAME
     model.name = "planar"
-    model.addFrame(
-        pin.Frame("ground", 0, 0, pin.SE3(np.eye(3), np.array([0.4, 0, 0])), pin.FrameType.OP_FRAME)
-    )
+    model.addFrame(pin.Frame("ground", 0, 0, place((0.4, 0, 0)), kind))
     for chain, (pivot, links) in chains.items():
-        parent, place = 0, pin.SE3(np.eye(3), np.array([*pivot, 0.0]))
+        parent, at = 0, place((*pivot, 0))
         for name, length in links:
-            parent = model.addJoint(parent, pin.JointModelRUBZ(), place, name)
-            place = pin.SE3(np.eye(3), np.array([length, 0.0, 0.0]))
-        model.addFrame(pin.Frame(f"{chain}_end", parent, 0, place, pin.FrameType.OP_FRAME))
+            parent = model.addJoint(parent, pin.JointModelRUBZ(), at, name)
+            at = place((length, 0, 0))
+        model.addFrame(pin.Frame(f"{chain}_end", parent, 0, at, kind))
     return model
 
 
-def four_bar(
-    ground: float, crank: float, coupler: float, rocker: float, driven: str = "crank"
-) -> Mechanism:
-    """A four-bar whose output is the turning of the other side's link."""
-    model = planar_tree(
-        {
-            "one": ((0.0, 0.0), [("crank", crank), ("coupler", coupler)]),
-            "two": ((ground, 0.0), [("rocker", rocker)]),
-        }
-    )
-    if driven == "rocker":
-        # The crank's own link carries the output.
-        joint, place = model.getJointId("crank"), pin.SE3.Identity()
-        model.addFrame(pin.Frame("crank_link", joint, 0, place, pin.FrameType.OP_FRAME))
-    return from_model(
-        model,
-        [Loop("one_end", "two_end", "3d")],
-        [driven],
-        "crank_link" if driven == "rocker" else "two_end",
-        "wz",
-    )
+def four_bar(ground: float, crank: float, coupler: float, rocker: float) -> Mechanism:
+    """A four-bar, driven by its crank, whose output is the turning of the other side's link."""
+    one = ((0.0, 0.0), [("crank", crank), ("coupler", coupler)])
+    model = planar_tree({"one": one, "two": ((ground, 0.0), [("rocker", rocker)])})
+    return from_model(model, [Loop("one_end", "two_end", "3d")], ["crank"], "two_end", "wz")
 
 
 def from_model(
@@ -138,9 +122,6 @@ def from_model(
     home: Mapping[str, float] = {},
 ) -> Mechanism:
     """A mechanism without a side-car file; joints with limits here are its slides."""
-    from pinsing.robot.arm import Source
-    from pinsing.robot.task import parse_task
-
     joints = tuple(model.names)[1:]
     n, kept = len(joints), tuple(range(1, model.njoints))
     ends = np.array([limits.get(name, (-np.inf, np.inf)) for name in joints])

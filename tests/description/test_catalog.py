@@ -209,6 +209,7 @@ def test_a_rebuilt_chain_keeps_names_limits_and_speeds():
         ("UR5e", "ur5e"), ("TX2-60", "tx2_60"), ("LR Mate 200iD", "lrmate200id"),
         ("xArm850", "uf850"), ("KR6 R900", "kr6_r900"), ("LBR iiwa 14 R820", "iiwa14"),
         ("KUKA KR 6 R900 sixx", "kr6_r900"), ("Franka Research 3", "fr3"), ("UR 10e", "ur10e"),
+        ("ur-5e", "ur5e"), ("HC-10", "hc10"), ("xArm 850", "uf850"), ("Meca 500", "meca500"),
     ],
 )  # fmt: skip
 def test_names_are_found_as_people_write_them(said: str, name: str) -> None:

@@ -8,12 +8,11 @@ from xml.etree import ElementTree
 import pytest
 from command_line import python
 from tiers import tiered
-from urdf_texts import LIMIT, XACRO, joint, make_package, robot
+from urdf_texts import LIMIT, XACRO, drawn, joint, make_package, robot
 
 from pinsing import load
 from pinsing.description.catalog import data_folder
 from pinsing.description.files import expand_xacro
-from pinsing.description.urdf import read_description
 from pinsing.errors import RobotFileError
 from pinsing.robot.models import build_model
 
@@ -55,21 +54,14 @@ def test_other_errors_point_to_where_they_are(refused):
 
 
 @pytest.mark.slow
-def test_xacro_find(read, tmp_path):
-    package = make_package(tmp_path)
-    (package / "urdf" / "part.xacro").write_text(XACRO.format(ARM))
-    include = '<xacro:include filename="$(find arm_description)/urdf/part.xacro"/>'
-    found = read(XACRO.format(include), name="arm.xacro", packages={"arm_description": package})
-    assert found.links == ("a", "b", "c")
-    inside = package / "urdf" / "arm.xacro"
-    inside.write_text(XACRO.format(include))
-    assert read_description(inside).links == ("a", "b", "c")
-    # what xacro turned into a path is still within a known package
-    shown = '<visual><geometry><mesh filename="file://$(find arm_description)/meshes/a.stl"/>'
-    text = ARM.replace('<link name="c"/>', f'<link name="c">{shown}</geometry></visual></link>')
-    drawn = read(XACRO.format(text), name="b.xacro", packages={"arm_description": package})
-    assert drawn.missing_meshes == ()
-    assert "a.stl" in drawn.xml
+def test_what_xacro_turned_into_a_path_is_still_within_a_known_package(read, tmp_path):
+    packages = {"arm_description": make_package(tmp_path)}
+    text = drawn("file://$(find arm_description)/meshes/a.stl").replace(
+        "<robot", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"'
+    )
+    found = read(text, "b.xacro", packages=packages)
+    assert found.missing_meshes == ()
+    assert "a.stl" in found.xml
 
 
 # body after line 1 of the file, what the message must hold, line
