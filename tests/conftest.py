@@ -182,19 +182,6 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(7)
 
 
-@pytest.fixture
-def write_urdf(tmp_path: Path) -> Callable[..., Path]:
-    """Write the URDF of a serial chain."""
-    from urdf_texts import chain_text
-
-    def write(*given: Any, **more: Any) -> Path:
-        path = tmp_path / "robot.urdf"
-        path.write_text(chain_text(*given, **more))
-        return path
-
-    return write
-
-
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
     """A headless Chromium; where there is none, the tests that ask for it skip."""

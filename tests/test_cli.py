@@ -15,7 +15,7 @@ from arms import URDF
 from command_line import python, run, started
 from kernel import needs_kernel
 from tiers import sampled, tiered
-from urdf_texts import LIMIT, XACRO, joint
+from urdf_texts import LIMIT, XACRO, joint, robot
 
 import pinsing
 from pinsing.atomic_write import check_writable, write_text
@@ -38,8 +38,9 @@ class TestProcess:
         assert "note: tip tool0 (" in done.stderr
 
     @pytest.mark.slow
-    def test_names_that_the_terminal_cannot_show(self, write_urdf):
-        path = write_urdf([("revolute", '<axis xyz="0 0 1"/>' + LIMIT)], names=["gelenk_ä"])
+    def test_names_that_the_terminal_cannot_show(self, tmp_path):
+        path = tmp_path / "arm.urdf"
+        path.write_text(robot(joint("gelenk_ä")), encoding="utf-8")
         env = {**os.environ, "PYTHONIOENCODING": "ascii"}
         done = python("-m", "pinsing", "list", path, env=env)
         assert done.returncode == 0

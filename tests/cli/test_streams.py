@@ -15,7 +15,7 @@ import pytest
 from arms import URDF
 from command_line import python, run, started
 from tiers import sampled, tiered
-from urdf_texts import LIMIT
+from urdf_texts import robot
 
 import pinsing
 from pinsing.atomic_write import check_writable, write_text
@@ -381,9 +381,9 @@ def test_output_is_checked_before_the_robot_is_read(tmp_path, monkeypatch, name)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_robot_itself_is_not_replaced(write_urdf):
-    path = write_urdf([("revolute", '<axis xyz="0 0 1"/>' + LIMIT)])
-    path = path.rename(path.with_suffix(".json"))
+def test_the_robot_itself_is_not_replaced(tmp_path):
+    path = tmp_path / "robot.json"
+    path.write_text(robot())
     before = path.read_text()
-    assert "robot itself" in refused("at", str(path), "--q", "0", "-o", str(path))
+    assert "robot itself" in refused("at", str(path), "--q", "0,0", "-o", str(path))
     assert path.read_text() == before

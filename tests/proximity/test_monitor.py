@@ -20,7 +20,7 @@ import pytest
 from command_line import python, run, started
 from kernel import needs_kernel
 from singular_sets import Joint, arm_of, build, closed, sliding_equation
-from urdf_texts import LIMIT
+from urdf_texts import LIMIT, chain_text
 
 import pinsing
 from pinsing._batch import engine
@@ -524,12 +524,12 @@ def test_what_is_no_joint_is_passed_over_once(form):
 
 
 @pytest.mark.parametrize(("head", "unit"), [("{}.pos", 1), ("{} (deg)", np.degrees(1))])
-def test_joints_that_contradict_the_description_are_noted(write_urdf, head, unit):
+def test_joints_that_contradict_the_description_are_noted(head, unit):
     axis = f'<axis xyz="0 0 1"/>{LIMIT}'
     mimic = axis + '<mimic joint="j1" multiplier="-2" offset="0.25"/>'
     kinds = ["revolute"] * 3 + ["prismatic", "revolute"]
     parts = list(zip(kinds, (axis, mimic, axis, axis, axis), strict=True))
-    arm = pinsing.load(write_urdf(parts), task="vx,vy", joints=["j1", "j5"])
+    arm = pinsing.load(chain_text(parts), task="vx,vy", joints=["j1", "j5"])
     notes = []
     reader = Reader(arm, False, notes.append)
     reader.read(",".join("j4" if k == 4 else head.format(f"j{k}") for k in range(1, 6)))
