@@ -10,7 +10,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (35_363, 30_000),
+    "Python in src: statements": (35_361, 30_000),
     "Python in src: lines": (68_150, 56_000),
     "C++, JavaScript, templates, styles: lines": (11_401, 9_500),
     "modules": (137, 220),

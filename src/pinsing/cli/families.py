@@ -37,6 +37,7 @@ from pinsing.cli.options import (
     command,
     deg_option,
     fail_option,
+    group,
     ignore_limits_option,
     in_degrees,
     joint_names,
@@ -74,7 +75,8 @@ RAW_ANGLE_TOL = 1e-10
 """Radians: with --raw, only float noise is taken out of the angles that tests are run on."""
 
 
-def _algebra(
+@group
+def algebra_options(
     seconds: float | None = option(
         "Time for the answer.  [default: 10, analyze 60, with --loops none]", metavar="S"
     ),
@@ -92,7 +94,6 @@ def _algebra(
     return {name: value for name, value in asked.items() if value is not None}
 
 
-algebra_options: Any = _algebra
 prove_option = option(
     "Look for a certificate that no family is missing, for up to a minute (or --seconds), or not "
     "at all.  [default: as far as a few seconds lead]",
@@ -122,7 +123,8 @@ def _levels(text: str, option: str, degrees: bool | None) -> tuple[int, ...]:
     return tuple(sorted(found))
 
 
-def _swept(
+@group
+def sweep_options(
     nominal_q: JointValues | None = option(
         "Where joints stay while others are swept.  [default: a regular configuration]", type=VECTOR
     ),
@@ -162,10 +164,8 @@ def _swept(
     return chosen
 
 
-sweep_options: Any = _swept
-
-
-def _placed(
+@group
+def place_options(
     engine: str = option(
         "auto, batch, pinocchio, or an instruction set: baseline, avx2, avx512.",
         default="auto",
@@ -190,9 +190,6 @@ def _placed(
     if len(given) > 1:
         raise OptionError(f"--{given[0]} and --{given[1]} exclude each other")
     return functools.partial(run_place, engine, threads, workers, dask)
-
-
-place_options: Any = _placed
 
 
 @command("sweep")

@@ -161,6 +161,11 @@ def argument(**attributes: Any) -> Any:
     return Option(None, attributes)
 
 
+def group(make: Callable[..., Any]) -> Any:
+    """Make of a function the default of a parameter: its own parameters are typed, too."""
+    return make
+
+
 def written(endings: str) -> Any:
     """Return the default of a parameter that is the file of ``-o`` with one of these endings."""
     return endings
@@ -168,7 +173,6 @@ def written(endings: str) -> Any:
 
 def _asked(function: Callable[..., Any], needs_output: bool) -> Iterator[click.Parameter]:
     """What is typed for a function whose parameters have it for their defaults."""
-    # A default that is a function, or a class, makes one value of what is typed for it.
     parameters = inspect.signature(function).parameters.values()
     files = {p.name: p.default.split() for p in parameters if isinstance(p.default, str)}
     for p in parameters:
@@ -331,7 +335,7 @@ class RobotRequest:
         return arm
 
 
-arm_options: Any = RobotRequest
+arm_options = group(RobotRequest)
 
 
 deg_option = option(

@@ -30,6 +30,7 @@ from pinsing.cli.options import (
     deg_option,
     follow_option,
     given_beside,
+    group,
     in_degrees,
     joint_names,
     option,
@@ -443,7 +444,8 @@ _PICTURE = 0.05
 """Seconds from a configuration of a stream that is shown to the next."""
 
 
-def _page(
+@group
+def page_options(
     size: Any = option("Of the picture.", default="1200x900", type=Typed("WxH", picture_size)),
     panel: bool = option("Include the side panel in the picture."),
     no_open: bool = option("Do not open a browser."),
@@ -452,9 +454,6 @@ def _page(
 ) -> dict[str, Any]:
     """How a page is served, and pictures of it taken: arguments of `show_page`."""
     return {"size": size, "panel": panel, "no_open": no_open, "host": host, "port": port}
-
-
-page_options: Any = _page
 
 
 @command("view", mechanism=view_loops)
