@@ -25,6 +25,7 @@ Two-sided bounds of many configurations are in closed form. The lower one is tha
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -108,21 +109,21 @@ class Branch:
 
     def held(self, space: JointSpace, box: tuple[Array, Array] | None = None) -> list[Array]:
         """Return the values of the fixed joints in (n,) arrays: all copies that fit a box."""
-        fixed = [np.zeros(space.n)]
-        for v in self.values:
-            copies = [v.value]
-            if box is not None:
+        copies = [[v.value] for v in self.values]
+        if box is not None:
+            for k, v in enumerate(self.values):
                 low, high = box[0][v.joint] - ROUNDING, box[1][v.joint] + ROUNDING
-                if not space.prismatic[v.joint]:
-                    first, last = (np.array([low, high]) - v.value) / (2 * np.pi)
-                    turns = range(math.ceil(first), math.floor(last) + 1)
-                    copies = [v.value + 2 * np.pi * k for k in turns]
-                elif not low <= v.value <= high:
-                    copies = []
-            fixed = [f.copy() for f in fixed for _ in copies]
-            for k, f in enumerate(fixed):
-                f[v.joint] = copies[k % len(copies)]
-        return fixed
+                first, last = (np.array([low, high]) - v.value) / (2 * np.pi)
+                turns = range(math.ceil(first), math.floor(last) + 1)
+                turns = range(1) if space.prismatic[v.joint] else turns
+                every = (v.value + 2 * np.pi * turn for turn in turns)
+                copies[k] = [value for value in every if low <= value <= high]
+        found = []
+        for values in itertools.product(*copies):
+            fixed = np.zeros(space.n)
+            fixed[[v.joint for v in self.values]] = values
+            found.append(fixed)
+        return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,7 +35,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.algebra.components import Component
+from pinsing.algebra.components import Component, inside
 from pinsing.algebra.conditions import Branch, Conditions, JointValue, two_sided
 from pinsing.algebra.equation import (
     LATEX,
@@ -192,12 +192,8 @@ class PieceMaker:
         values = {v.joint: v.exact for v in branch.values if v.exact is not None}
         if branch.equations or len(values) < len(branch.values):
             return False
-        put = self.ring.putting(values)
-        return any(
-            all(values.get(j) == x for j, x in c.values.items())
-            and all(put(p) == 0 for p in c.relations)
-            for c in components
-        )
+        here = Component(values, (), False, len(values))
+        return any(inside(here, c, self.ring) for c in components)
 
     def _solvable(self, component: Component) -> tuple[list[Poly], list[Poly]]:
         """Return the relations that fix joint values, and the others."""
@@ -795,7 +791,7 @@ def describe(
     loss = loss_at(exact, generic, rtol=1e-8)
     kinds = kinds_of(draft, found, exact, maker)
     rng = np.random.default_rng(SEED)
-    reach = values_reached(draft.branches, draft.limits, draft.prismatic, reachability, met)
+    reach = values_reached(draft, met)
     return replace(
         draft,
         title=title_of(exact, found[::4]),

@@ -89,19 +89,14 @@ _BEST_FIRST = (
 )  # fmt: skip
 
 
-def values_reached(
-    branches: Sequence[Branch],
-    limits: tuple[Array, Array],
-    prismatic: Bool,
-    reached: Reachability,
-    met: Callable[[Branch], bool],
-) -> tuple[ValueReach, ...]:
+def values_reached(family: Family, met: Callable[[Branch], bool]) -> tuple[ValueReach, ...]:
     """Return each value at which branches fix a joint, and whether the limits allow it."""
     # ``met`` tells if a configuration within the limits was found on such a branch.
     known: dict[tuple[int, float], tuple[float, Reachability]] = {}
+    reached, space, box = family.reachability, family.space, family.box(within_limits=True)
     settled = reached in (Reachability.OUTSIDE, Reachability.UNKNOWN)
-    for branch in branches:
-        fits = [settled or _inside(v.value, v.joint, limits, prismatic) for v in branch.values]
+    for branch in family.branches:
+        fits = [settled or bool(Branch((v,), ()).held(space, box)) for v in branch.values]
         here: Reachability = reached
         # A branch is where all its values are, so one that is outside takes it all there.
         if not all(fits):
@@ -114,17 +109,6 @@ def values_reached(
             best = min(before, here, key=_BEST_FIRST.index)
             known[key] = v.value, best if within else Reachability.OUTSIDE
     return tuple(ValueReach(joint, *known[joint, value]) for joint, value in sorted(known))
-
-
-def _inside(value: float, joint: int, limits: tuple[Array, Array], prismatic: Bool) -> bool:
-    """Return True if a value is within a joint's limits, whole turns aside."""
-    low, high = float(limits[0][joint]) - ROUNDING, float(limits[1][joint]) + ROUNDING
-    if prismatic[joint]:
-        return low <= value <= high
-    if not (math.isfinite(low) and math.isfinite(high)):
-        return True
-    turn = 2 * math.pi
-    return value + turn * math.ceil((low - value) / turn) <= high
 
 
 def reach_words(reached: Reachability, values: Sequence[ValueReach], prismatic: Bool) -> str:
