@@ -23,7 +23,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
 from flint import fmpq_mat
 
 from pinsing.algebra.budget import Apart, Budget, BudgetExceeded
@@ -778,9 +777,7 @@ def within(form: ClosedForm, budget: Budget, progress: Callable[[str], None] | N
     started = time.monotonic()
     # With square roots one resultant of few terms may take minutes, of which no count warns.
     roots = form.geometry is not None and any(
-        isinstance(x, Surd)
-        for part in (*form.geometry.rotation, *form.geometry.translation)
-        for x in np.ravel(np.asarray(part, dtype=object))
+        isinstance(x, Surd) for turn in form.geometry.rotation for row in turn for x in row
     )
     ended = search.run(lambda: _proof(form, budget, search.tell), at_once=roots)
     if (proof := ended.result) is None:

@@ -66,7 +66,7 @@ from pinsing.measures import Array, Bool, Ints, NDArray
 from pinsing.prose import listed
 from pinsing.robot.mimic import own_jacobian_modulo
 from pinsing.robot.nominal import PRIMES, Nominal
-from pinsing.robot.surd import residue, root_modulo
+from pinsing.robot.surd import residue
 from pinsing.robot.task import Task
 
 _CHECKED = 4_000
@@ -475,7 +475,12 @@ class Slices:
         """Those over which a slice is not too large."""
         # Slices of so few joints are small: in larger fields less is special by chance.
         few = self.joints <= _FEW_JOINTS
-        known = [p for p in FIELDS if (p >= 17 or not few) and _has_roots(self.geometry, p)]
+        squares = roots_in(self.geometry)  # they have roots by Euler's criterion
+        known = [
+            p
+            for p in FIELDS
+            if (p >= 17 or not few) and all(pow(s, (p - 1) // 2, p) == 1 for s in squares)
+        ]
         # Of one slice: beyond the first number it is gone through only where few fields are as
         # small.
         small, larger = (
@@ -554,14 +559,6 @@ def without_parts(
                 left = [x for x in left if x is not c]
                 break
     return [c for c in components if any(c is k for k in left)]
-
-
-def _has_roots(geometry: Nominal, prime: int) -> bool:
-    """Return True if the square roots of a chain are numbers modulo a prime."""
-    try:
-        return all(root_modulo(square, prime) for square in roots_in(geometry))
-    except ValueError:
-        return False
 
 
 def count_on_slices(
