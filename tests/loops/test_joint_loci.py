@@ -152,6 +152,8 @@ def test_however_a_mechanism_is_written_and_driven(case, tmp_path, rng):
 
 def test_what_holds_everywhere_and_what_nowhere_is_said():
     assert "type 2: nowhere" in joint_forms(shipped("bennett")).notes
+    with pytest.raises(OptionError, match="bennett: no leg has a certificate of its own"):
+        leg_proofs(shipped("bennett"))
     (always,) = [x for x in joint_forms(shipped("griffis_duffy")).notes if "singular every" in x]
     assert "type 2 holds" in always
     extra = shipped("planar_3rrr").with_actuated(["a1", "b1", "a2", "a3"])
@@ -241,11 +243,6 @@ def test_a_plane_that_is_tilted_and_a_certificate_that_was_changed(tmp_path):
     assert [(leg.task, leg.form.word) for leg in found] == [("vx,vz", "proven")] * 3
     with pytest.raises(Rejected):
         verify(json.dumps({**found[0].form.certificate, "families": []}))
-
-
-def test_why_there_is_none_is_said():
-    with pytest.raises(OptionError, match="bennett: no leg has a certificate of its own"):
-        leg_proofs(shipped("bennett"))
 
 
 def test_files_of_the_legs_are_checked_by_the_command(tmp_path):

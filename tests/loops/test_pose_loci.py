@@ -53,6 +53,8 @@ def test_architecture_singularities_are_named():
     assert forms.architecture.startswith("architecture singularity: the leg lines are dependent")
     assert not forms.loci
     assert not pose_forms(shipped("gough_stewart")).architecture
+    # What passes more than a force has no such form.
+    assert [pose_forms(shipped(name)) for name in ("bennett", "rssr")] == [None, None]
 
 
 def test_hunts_pose_of_the_6_3():
@@ -251,10 +253,6 @@ def test_rows_that_leave_type_1_of_hinged_legs_open_are_said(tmp_path):
     assert any("type 1 is not in these equations" in x for x in forms.notes)
 
 
-def test_what_passes_more_than_a_force_has_no_such_form():
-    assert [pose_forms(shipped(name)) for name in ("bennett", "rssr")] == [None, None]
-
-
 def test_forms_survive_json():
     forms = pose_forms(shipped("gough_stewart"))
     again = PoseForms.from_json(forms.to_json())
@@ -272,7 +270,6 @@ def test_families_of_a_mechanism_at_the_command_line():
     assert done.exit_code == 1
     assert "turned by ±90° about z" in done.stdout
     assert "x^2" in families("planar_3rpr", "--exact").stdout
-    assert PoseForms.from_json(families("planar_3rpr", "-o", "-").stdout).complete
     assert "B1, P, B2 in line" in families("five_bar").stdout
     done = families("bennett")
     assert done.exit_code == 0
@@ -377,7 +374,6 @@ def test_a_leg_driven_at_its_elbow_has_its_condition_as_equations(driven, tmp_pa
 
 def test_where_passive_joints_move_alone_is_said_where_singular_if_and_only_if_is():
     forms = pose_forms(shipped("hexaglide"))
-    assert len([x for x in forms.notes if "if and only if" in x]) == 1
     (only,) = (x for x in forms.notes if "if and only if" in x)
     assert only.endswith("or passive joints move by themselves (below)")
     below = forms.notes[forms.notes.index(only) :]
