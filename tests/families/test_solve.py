@@ -72,41 +72,30 @@ def by_values(form: ClosedForm, *known: Values) -> list[Family]:
 
 cos, sin = np.cos, np.sin
 PUMA, IRB = np.arctan2(-0.4318, 0.0203), np.arctan2(-0.72, 0.12)
-KNOWN: dict[str, tuple[tuple[Values, ...], Callable[[Array], Array] | None]] = {
-    "stanford": (({2: ZERO}, {3: (0.0,)}, {5: ZERO}), None),
-    "puma560": (
-        ({5: ZERO}, {3: (PUMA, PUMA + np.pi)}),
-        locus(0, (0.4318, cos, (1,)), (0.0203, cos, (1, 2)), (-0.4318, sin, (1, 2))),
-    ),
-    "irb1400": (
-        ({5: ZERO}, {3: (IRB, IRB + np.pi)}),
-        locus(0.15, (0.6, sin, (1,)), (0.12, sin, (1, 2)), (0.72, cos, (1, 2))),
-    ),
-    "ur5": (
-        ({3: ZERO}, {5: ZERO}),
-        locus(0, (0.425, cos, (1,)), (0.39225, cos, (1, 2)), (-0.09465, sin, (1, 2, 3))),
-    ),
-    "ur10": (
-        ({3: ZERO}, {5: ZERO}),
-        locus(0, (0.612, cos, (1,)), (0.5723, cos, (1, 2)), (-0.1157, sin, (1, 2, 3))),
-    ),
-    "planar3r": (({2: ZERO, 3: ZERO},), None),
-    "scara": (({2: ZERO},), None),
-    "wrist alone": (({2: ZERO},), None),
-    "four parallel joints": (({2: ZERO, 3: ZERO},), None),
-    "two joints, position": (({2: ZERO},), None),
+KNOWN: dict[str, tuple[Values, ...]] = {
+    "stanford": ({2: ZERO}, {3: (0.0,)}, {5: ZERO}),
+    "puma560": ({5: ZERO}, {3: (PUMA, PUMA + np.pi)}),
+    "irb1400": ({5: ZERO}, {3: (IRB, IRB + np.pi)}),
+    **dict.fromkeys(("ur5", "ur10"), ({3: ZERO}, {5: ZERO})),
+    **dict.fromkeys(("planar3r", "four parallel joints"), ({2: ZERO, 3: ZERO},)),
+    **dict.fromkeys(("scara", "wrist alone", "two joints, position"), ({2: ZERO},)),
+}
+LOCI: dict[str, Callable[[Array], Array]] = {
+    "puma560": locus(0, (0.4318, cos, (1,)), (0.0203, cos, (1, 2)), (-0.4318, sin, (1, 2))),
+    "irb1400": locus(0.15, (0.6, sin, (1,)), (0.12, sin, (1, 2)), (0.72, cos, (1, 2))),
+    "ur5": locus(0, (0.425, cos, (1,)), (0.39225, cos, (1, 2)), (-0.09465, sin, (1, 2, 3))),
+    "ur10": locus(0, (0.612, cos, (1,)), (0.5723, cos, (1, 2)), (-0.1157, sin, (1, 2, 3))),
 }
 
 
 @pytest.mark.parametrize("name", KNOWN)
 def test_known_forms(name: str) -> None:
-    values, equation = KNOWN[name]
     form = closed_form(AWKWARD[name]) if name in AWKWARD else closed(name)
-    others = by_values(form, *values)
-    assert len(others) == (equation is not None)
+    others = by_values(form, *KNOWN[name])
+    assert len(others) == (name in LOCI)
     for family in others:
         q = np.random.default_rng(1).uniform(-3, 3, (50, len(form.symbols)))
-        both = np.stack([family.equations[0](q), equation(q)])
+        both = np.stack([family.equations[0](q), LOCI[name](q)])
         assert np.linalg.matrix_rank(both, tol=1e-9) == 1
 
 

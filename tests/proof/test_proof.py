@@ -173,25 +173,20 @@ def test_what_claims_without_proof_is_rejected():
     every = [[*range(6)], [*range(6)]]
     one = [["1", every, []]]
     data = certificate("ur5")
-    for closing in (
-        {},
-        {"of_forms": [["1", 0]]},
-        {"of_minors": [["0", every, []]]},
-        {"of_minors": one},
-        {"of_minors": [["1", [[], []], []]]},
-        {"of_minors": [["1", [[0, 0, 0], [0, 1, 2]], []]]},
-        {"of_minors": one, "cases": [[[], [], 1, "nowhere", 0]]},
-        {"of_minors": one, "cases": [[[], [], 1, "family", 0]]},
-        {"of_minors": one, "cases": [[[0], [], 1, "family", 0]]},
-        {"of_minors": one, "cases": [[[0], [], 1, "family", -1]]},
-        {"of_minors": one, "cases": [[[0], [], 1, "place", 0]]},
-        {"of_minors": one, "cases": [[[0], [], 1, "nowhere", 0]]},
-        {"of_minors": one, "cases": [[[0], ["1"], 1, "family", 0]]},
-        {"of_minors": one, "cases": [[[0, 1], [], 1, "family", 0]]},
+    cases = [
+        [[], [], 1, "nowhere", 0], [[], [], 1, "family", 0], [[0], [], 1, "family", 0],
+        [[0], [], 1, "family", -1], [[0], [], 1, "place", 0], [[0], [], 1, "nowhere", 0],
+        [[0], ["1"], 1, "family", 0], [[0, 1], [], 1, "family", 0],
+    ]  # fmt: skip
+    minors = ([["0", every, []]], one, [["1", [[], []], []]], [["1", [[0, 0, 0], [0, 1, 2]], []]])
+    for place in (
+        place_of([]),
+        place_of([], of_forms=[["1", 0]]),
+        *(place_of([], of_minors=some) for some in minors),
+        *(place_of([], case, of_minors=one) for case in cases),
     ):
         for families in ([], data["families"]):
-            place = {**place_of([]), **closing}
-            assert verdict({**data, "families": families, "places": [place]}), closing
+            assert verdict({**data, "families": families, "places": [place]}), place
     assert verdict({**data, "places": []})
 
 
