@@ -5,6 +5,9 @@ pinsing puts around it, and prints what reached outside of the interpreter, as J
 ``plain`` it runs xacro's own evaluation instead, to show that this would have been seen.
 """
 
+import contextlib
+import io
+import itertools
 import json
 import sys
 from typing import Any
@@ -228,24 +231,15 @@ def main(plain: bool) -> None:
 
     sys.addaudithook(hook)
     found: dict[str, Any] = {"seen": {}, "results": {}}
-    stderr, sys.stderr = sys.stderr, Quiet()
-    for name, escape in ESCAPES.items():
-        for place in PLACES:
+    with contextlib.redirect_stderr(io.StringIO()):  # what xacro prints
+        for name, place in itertools.product(ESCAPES, PLACES):
             seen.clear()
-            result = attempt(xacro, ask, escape, place)
+            result = attempt(xacro, ask, ESCAPES[name], place)
             found["results"][f"{name} | {place}"] = result[:2000]
             if seen:
                 found["seen"][f"{name} | {place}"] = list(seen)
     listening = False
-    sys.stderr = stderr
     print(json.dumps(found))
-
-
-class Quiet:
-    """Takes what xacro prints."""
-
-    def write(self, text: str) -> int:
-        return len(text)
 
 
 if __name__ == "__main__":
