@@ -248,28 +248,24 @@ def likeness(mechanism: Mechanism, Q: Array, joints: Sequence[int] | None = None
     # Only of ``joints`` (a leg's) where some are given.
     loops, scale, count = BatchLoops(mechanism), mechanism.length_scale, len(Q)
     placed = loops.place(Q)
-    axes, origins = placed.axis, placed.position[1:]
-    lines = (axes[..., None] * axes[..., None, :]).reshape(mechanism.n, count, 9)
     chosen = range(mechanism.n) if joints is None else joints
+    balls = [c for c in structure(mechanism).centres if len(c.joints) > 2]
+    held = {j for ball in balls for j in ball.joints}
     out: list[Array] = [np.zeros((count, 0))]
     if joints is None:
         R, p, _ = loops.output(Q, placed)
         out += [x / scale for x in (p, *(loops.frame(placed, a)[1] for a, *_ in loops.loops))]
         out.append(R.reshape(count, 9))
+    out += [loops.centre(placed, c) / scale for c in balls if set(chosen) & set(c.joints)]
     for j in chosen:
+        x, axis, at = Q[:, [j]], placed.axis[j], placed.position[j + 1]
         if j in mechanism.actuated:
-            x = Q[:, [j]]
             out += [x / scale] if mechanism.prismatic[j] else [np.cos(x), np.sin(x)]
-        elif mechanism.prismatic[j]:
-            out += [lines[j], origins[j] / scale]
-    for centre in (c for c in structure(mechanism).centres if set(chosen) & set(c.joints)):
-        if len(centre.joints) > 1:
-            out.append(loops.centre(placed, centre) / scale)
-        for j in centre.joints if len(centre.joints) <= 2 else ():
-            out.append(lines[j])
-            if len(centre.joints) == 1:
-                along = (origins[j] * axes[j]).sum(axis=1, keepdims=True)
-                out.append((origins[j] - along * axes[j]) / scale)
+        elif j not in held:
+            # Its axis, and where it is nearest to the origin, or where the slide is.
+            along = 0.0 if mechanism.prismatic[j] else (at * axis).sum(axis=1, keepdims=True)
+            line = axis[:, :, None] * axis[:, None, :]
+            out += [line.reshape(count, 9), (at - along * axis) / scale]
     return np.concatenate(out, axis=1)
 
 
