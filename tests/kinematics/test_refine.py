@@ -86,7 +86,7 @@ def test_double_zero_of_the_stanford_arm():
     assert found.iterations < 15
 
 
-def test_fixed_joints_stay(rng):
+def test_fixed_joints_stay():
     arm = arms.textbook("surgical7")
     start = np.array([0.05, 0.1, 0.2, 0.8, 0.9, 0.3, 0.4])
     found = refine(arm, start, fixed=["d1", "q3", "q4", "q5"])

@@ -36,13 +36,13 @@ START = np.radians([20, -80, 95, -105, -12, 20])
 
 
 def known(arm):
-    """An arm, given itself or by name, and its families."""
+    """The families of an arm, given itself or by name."""
     arm = pinsing.load(arm) if isinstance(arm, str) else arm
-    return arm, pinsing.closed_form(arm, prove=False)
+    return pinsing.closed_form(arm, prove=False)
 
 
 @pytest.fixture(scope="module")
-def ur5():
+def form():
     return known("ur5")
 
 
@@ -65,9 +65,9 @@ def as_poses(*rows):
     return [pin.SE3(pin.rpy.rpyToMatrix(*x[3:]), x[:3]).homogeneous for x in numbers]
 
 
-def circle(arm, count, radius=0.12):
-    """Poses of the torch along a circle, its rotation kept."""
-    return round_from(*poses_of(arm, START, tool=TORCH), count, radius)
+def circle(count, radius=0.12):
+    """Poses of the torch of a UR5 along a circle, its rotation kept."""
+    return round_from(*poses_of(pinsing.load("ur5"), START, tool=TORCH), count, radius)
 
 
 def turned(angle):
@@ -90,11 +90,10 @@ def only_within(plan, form):
 
 
 @pytest.mark.slow
-def test_a_torch_on_a_circle(ur5):
-    arm, form = ur5
-    T = circle(arm, 60)
-    plan = plan_path(form, T, free="roll", step=np.radians(6), arm=arm, tool=TORCH)
-    reached(arm, plan, T, TORCH)
+def test_a_torch_on_a_circle(form):
+    T = circle(60)
+    plan = plan_path(form, T, free="roll", step=np.radians(6), tool=TORCH)
+    reached(form.loaded, plan, T, TORCH)
     assert np.degrees(plan.clearance) > 48
     assert 0 <= np.degrees(plan.bound - plan.clearance) < 2
     assert max(plan.fixed) < np.radians(25)
@@ -115,33 +114,32 @@ def test_a_torch_on_a_circle(ur5):
         ends = np.isnan(line).any()
         assert least == (0 if ends else line.min())
         assert not np.isfinite(line[np.isnan(line).argmax() :]).any() or not ends
-    kept = plan_path(form, T, free="branch", arm=arm, tool=TORCH)
+    kept = plan_path(form, T, free="branch", tool=TORCH)
     assert kept.clearance == pytest.approx(max(plan.fixed), abs=np.radians(3))
 
 
 @pytest.mark.parametrize("seed", tiered(range(4), {2}))
-def test_the_optimum_is_that_of_brute_force(ur5, seed):
+def test_the_optimum_is_that_of_brute_force(form, seed):
     """Over four poses and six values, by our own inverse; edges as the module defines them."""
-    arm, form = ur5
     rng = np.random.default_rng(seed)
-    T = circle(arm, 4, 0.02)
+    T = circle(4, 0.02)
     T[:, :3, :3] = T[:, :3, :3] @ pin.exp3(0.3 * rng.normal(size=3))
     step = np.radians(60)
-    plan = plan_path(form, T, free="roll", step=step, arm=arm, tool=TORCH)
+    plan = plan_path(form, T, free="roll", step=step, tool=TORCH)
     back, nodes = np.linalg.inv(TORCH), []
     for pose in T:
-        found = [pinsing.inverse(arm, pose @ turned(k * step) @ back) for k in range(6)]
+        found = [pinsing.inverse(form.loaded, pose @ turned(k * step) @ back) for k in range(6)]
         nodes.append(np.array([s.q for each in found for s in each if s.within_limits]))
     clear = [pinsing.clearance(form, q) for q in nodes]
     sure = [pinsing.clearance(form, q, certify=True, gap=1e-3).upper for q in nodes]
     reach = sure[0].copy()
     for k in range(1, 4):
-        gap = np.linalg.norm(arm.space.wrap(nodes[k][:, None] - nodes[k - 1]), axis=-1)
+        gap = np.linalg.norm(form.loaded.space.wrap(nodes[k][:, None] - nodes[k - 1]), axis=-1)
         ok = clear[k].lower[:, None] + clear[k - 1].lower > gap
         reach = np.minimum(np.where(ok, reach, -np.inf).max(axis=1), sure[k])
     best = reach.max()
     at_poses = pinsing.clearance(form, plan.q, certify=True, gap=1e-3).upper.min()
-    grid = _Planner(form, arm, T, back, "roll", step, None, lambda *_: None)
+    grid = _Planner(form, form.loaded, T, back, "roll", step, None, lambda *_: None)
     assert grid.estimate() == pytest.approx(best, abs=2e-2)
     assert best - 2e-2 < at_poses <= plan.bound + 1e-3
 
@@ -155,41 +153,39 @@ def no_finer_path_is_better(form, T, free, coarse, fine, **options):
 
 def test_the_bound_counts_what_is_within_limits_between_two_values():
     """A value on the grid is beyond a limit, and part of the way from it to the next is not."""
-    arm, form = known("irb120")
+    form = known("irb120")
     q = [-1.0, -1.62, 0.48, -1.84, -1.54, np.pi - 1.85]
-    T = round_from(*poses_of(arm, q, tool=TORCH), 12, 0.025)[::3]
+    T = round_from(*poses_of(form.loaded, q, tool=TORCH), 12, 0.025)[::3]
     fine = no_finer_path_is_better(form, T, "roll", 5, 1, tool=TORCH)[1]
     assert fine.clearance > np.radians(55)
 
 
-def test_a_rotation_about_the_last_axis_cannot_help(ur5):
-    arm, form = ur5
-    T = poses_of(arm, *[START] * 5)
+def test_a_rotation_about_the_last_axis_cannot_help(form):
+    T = poses_of(form.loaded, *[START] * 5)
     T[:, 0, 3] += np.linspace(0, 0.05, 5)
-    plan = plan_path(form, T, free="roll", step=np.radians(60), arm=arm)
+    plan = plan_path(form, T, free="roll", step=np.radians(60))
     assert any("changes no clearance, only whether that joint" in note for note in plan.notes)
-    assert plan.bound == pytest.approx(plan_path(form, T, arm=arm).bound, abs=1e-3)
+    assert plan.bound == pytest.approx(plan_path(form, T).bound, abs=1e-3)
     assert max(plan.fixed) == pytest.approx(plan.clearance, abs=1e-3)
-    torch = plan_path(form, circle(arm, 5), free="roll", step=np.radians(60), arm=arm, tool=TORCH)
+    torch = plan_path(form, circle(5), free="roll", step=np.radians(60), tool=TORCH)
     assert not any("changes no clearance" in note for note in torch.notes)
 
 
-def test_why_there_is_no_path(ur5):
-    arm, form = ur5
-    far = circle(arm, 5)
+def test_why_there_is_no_path(form):
+    far = circle(5)
     far[3, 0, 3] += 3.0
-    plan = plan_path(form, far, arm=arm, tool=TORCH)
+    plan = plan_path(form, far, tool=TORCH)
     assert plan.reason.startswith("pose 3 at (")
     assert "out of reach" in plan.reason
     assert not len(plan.q)
     # Elbow up at the first pose, and only elbow down where joint limits leave nothing else.
     q = np.array([[0.1, -1.2, 0.4, -1.0, 0.8, 0.0], [0.1, -0.8, -0.4, -1.0, 0.8, 0.0]])
-    poses = poses_of(arm, *q)
-    crossing = plan_path(form, poses, arm=arm, start=q[0])
+    poses = poses_of(form.loaded, *q)
+    crossing = plan_path(form, poses, start=q[0])
     assert crossing.clearance > 0
     with pytest.raises(ConfigurationError, match="does not reach"):
-        plan_path(form, poses, arm=arm, start=q[0] + 0.1)
-    rushed = plan_path(form, poses, arm=arm, start=q[0], t=[0.0, 1e-3])
+        plan_path(form, poses, start=q[0] + 0.1)
+    rushed = plan_path(form, poses, start=q[0], t=[0.0, 1e-3])
     assert "speed limit between poses 0 and 1" in rushed.reason
 
 
@@ -209,17 +205,16 @@ def written(file, T):
         (1.5, -6.0, True),
     ],
 )
-def test_a_path_within_two_turns_of_a_joint(ur5, turns, start, reached):
-    arm, form = ur5
+def test_a_path_within_two_turns_of_a_joint(form, turns, start, reached):
     first = None if start is None else np.append(START[:5], start)
     # Turned about the last joint's axis, which is the tip's z.
     spin = np.array([turned(a) for a in np.linspace(0, 2 * np.pi * turns, 40)])
-    T = poses_of(arm, START if first is None else first) @ spin
-    plan = plan_path(form, T, arm=arm, start=first)
+    T = poses_of(form.loaded, START if first is None else first) @ spin
+    plan = plan_path(form, T, start=first)
     assert bool(len(plan.q)) == reached
     assert ("winds wrist_3_joint beyond its limits" in plan.reason) != reached
     if reached:
-        assert not arm.space.outside(plan.q).any()
+        assert not form.loaded.space.outside(plan.q).any()
         assert np.ptp(plan.q[:, 5]) == pytest.approx(2 * np.pi * turns, abs=1e-6)
         assert first is None or np.allclose(plan.q[0], first, atol=1e-6)
 
@@ -227,17 +222,17 @@ def test_a_path_within_two_turns_of_a_joint(ur5, turns, start, reached):
 @pytest.mark.parametrize("began", [False, True])
 def test_a_path_with_the_roll_kept_is_one_of_those_that_the_bound_is_of(began):
     """Its best branch winds a joint beyond the limits of two turns."""
-    arm, form = known("lrmate200id")
+    form = known("lrmate200id")
     T = np.tile(np.eye(4), (12, 1, 1))
     T[:, :3, :3] = pin.rpy.rpyToMatrix(1.15, 1.8, -1.94) @ pin.utils.rotate("x", np.pi)
     T[:, :3, 3] = np.linspace([0.472, -0.075, 0.194], [0.355, 0.051, 0.229], 12)
-    plan = plan_path(form, T, free="roll", step=np.radians(5), arm=arm)
+    plan = plan_path(form, T, free="roll", step=np.radians(5))
     if began:
-        start = plan_path(form, T, arm=arm).q[0]
-        plan = plan_path(form, T, free="roll", step=np.radians(5), arm=arm, start=start)
+        start = plan_path(form, T).q[0]
+        plan = plan_path(form, T, free="roll", step=np.radians(5), start=start)
         assert len(plan.fixed) == 1
     assert 0 < max(plan.fixed) <= plan.bound
-    late = plan_path(form, T[:1].repeat(2, 0), free="roll", step=0.5, arm=arm, t=[0, 1])
+    late = plan_path(form, T[:1].repeat(2, 0), free="roll", step=0.5, t=[0, 1])
     assert "with roll kept: no path" in replace(late, fixed=(0.0,)).text()
 
 
@@ -245,39 +240,38 @@ def test_a_path_with_the_roll_kept_is_one_of_those_that_the_bound_is_of(began):
 @pytest.mark.parametrize("free", ["branch", "roll"])
 def test_a_long_motion_that_is_clear_is_a_path(free):
     """Of 29 degrees, where the clearances at the ends add up to less than 20."""
-    arm, form = known("irb1200")
+    form = known("irb1200")
     q = [
         [2.5787, 2.0684, -0.1198, -2.3086, -2.2167, -2.9245],
         [2.6759, 2.0843, 0.3056, -2.1356, -2.268828, -2.8727],
     ]
-    T = poses_of(arm, *q)
-    plan = plan_path(form, T, free=free, step=np.radians(60), arm=arm, start=q[0])
+    T = poses_of(form.loaded, *q)
+    plan = plan_path(form, T, free=free, step=np.radians(60), start=q[0])
     assert np.radians(7.9) < plan.clearance <= plan.bound, plan.reason
-    slow = plan_path(form, T, free=free, step=np.radians(60), arm=arm, start=q[0], t=[0, 0.01])
+    slow = plan_path(form, T, free=free, step=np.radians(60), start=q[0], t=[0, 0.01])
     assert "q3 would exceed its speed limit between poses 0 and 1" in slow.reason
 
 
-def test_where_a_limit_ends_the_way_it_is_named(ur5):
-    arm, _ = ur5
-    model = arm.model.copy()
+def test_where_a_limit_ends_the_way_it_is_named(form):
+    model = form.loaded.model.copy()
     model.lowerPositionLimit[2], model.upperPositionLimit[2] = -2.0, 1.0
-    narrow = pinsing.load(model, tip=arm.tip)
+    narrow = pinsing.load(model, tip=form.loaded.tip)
     q = np.array([[0.1, -1.2, x, -1.0, 0.9, 0.0] for x in (0.99, 1.01)])
-    plan = plan_path(known(narrow)[1], poses_of(arm, *q), start=q[0])
+    plan = plan_path(known(narrow), poses_of(form.loaded, *q), start=q[0])
     assert "1 the way on leaves the limits of elbow_joint: within them the nearest" in plan.reason
-    poses = poses_of(arm, q[0], q[0] + 0.5)
+    poses = poses_of(form.loaded, q[0], q[0] + 0.5)
     model.lowerPositionLimit[2], model.upperPositionLimit[2] = 0.98, 1.0
-    plan = plan_path(known(pinsing.load(model, tip=arm.tip))[1], poses)
+    plan = plan_path(known(pinsing.load(model, tip=form.loaded.tip)), poses)
     assert plan.reason == "at pose 1 every solution is outside the limits of elbow_joint"
 
 
-def test_a_wall_between_two_poses(ur5):
+def test_a_wall_between_two_poses(form):
     """Within these limits nothing but the wrist's singularity lies between two solutions."""
-    model = ur5[0].model.copy()
+    model = form.loaded.model.copy()
     model.lowerPositionLimit[[2, 4]], model.upperPositionLimit[[2, 4]] = (-1, -0.5), (1, 3)
-    narrow, form = known(pinsing.load(model, tip=ur5[0].tip))
+    narrow = pinsing.load(model, tip=form.loaded.tip)
     q = [[0.1, -1.2, 0.8, -1.0, x, 0.0] for x in (0.3, -0.3)]
-    plan = plan_path(form, poses_of(narrow, *q), start=q[0])
+    plan = plan_path(known(narrow), poses_of(narrow, *q), start=q[0])
     assert plan.reason.endswith("crosses wrist (F2) between poses 0 and 1")
     assert not len(plan.q)
 
@@ -297,20 +291,20 @@ def test_poses_of_opposite_axes_and_of_joints_that_line_up_at_zero_are_reached(n
 @pytest.mark.slow
 def test_joints_without_limits_make_as_many_turns_as_a_path_needs():
     """Four turns of the tool were called degrees, and so were turns that nothing needed."""
-    arm, form = known("gen3_6")
-    T = poses_of(arm, *[[0.2, 0.5, -1.2, 0.4, 0.9, 0.1]] * 25)
+    form = known("gen3_6")
+    T = poses_of(form.loaded, *[[0.2, 0.5, -1.2, 0.4, 0.9, 0.1]] * 25)
     for pose, a in zip(T, np.linspace(0, 8 * np.pi, 25), strict=True):
         pose[:3, :3] = pose[:3, :3] @ pin.utils.rotate("z", a)
-    plan = plan_path(form, T, arm=arm)
-    reached(replace(arm, units="rad"), plan, T, FLANGE)
+    plan = plan_path(form, T)
+    reached(replace(form.loaded, units="rad"), plan, T, FLANGE)
     np.testing.assert_allclose(np.ptp(plan.q, axis=0), [0, 0, 0, 0, 0, 8 * np.pi], atol=1e-9)
     path_sheet(plan, form)
     T = np.tile(np.eye(4), (4, 1, 1))
     for pose, a in zip(T, np.linspace(0, np.pi / 2, 4), strict=True):
         pose[:3, :3] = pin.utils.rotate("z", a) @ pin.utils.rotate("y", np.pi + 0.5)
         pose[:3, 3] = 0.4 + 0.15 * np.cos(a), 0.15 * np.sin(a), 0.2
-    plan = plan_path(form, T, free="roll", step=np.radians(20), arm=arm, tool=TORCH)
-    reached(arm, plan, T, TORCH)
+    plan = plan_path(form, T, free="roll", step=np.radians(20), tool=TORCH)
+    reached(form.loaded, plan, T, TORCH)
     assert np.abs(plan.q[0]).max() <= np.pi
 
 
@@ -337,10 +331,10 @@ def test_eaik_misses_nothing_that_ours_finds(name, monkeypatch):
             assert np.abs(arm.space.wrap(here - s.q)).max(axis=1).min() < 1e-5
 
 
-def test_toolpaths_say_that_they_need_the_kernel(ur5, monkeypatch):
+def test_toolpaths_say_that_they_need_the_kernel(form, monkeypatch):
     monkeypatch.setattr(engine, "available", lambda: False)
     with pytest.raises(EngineError, match="toolpaths need the compiled kernel"):
-        plan_path(ur5[1], np.tile(np.eye(4), (2, 1, 1)), arm=ur5[0])
+        plan_path(form, np.tile(np.eye(4), (2, 1, 1)))
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
@@ -381,50 +375,49 @@ def test_neighbours_are_those_of_the_largest_sum_of_cosines(cyclic):
 
 
 @pytest.mark.slow
-def test_an_arm_that_has_no_decomposition_is_followed(ur5, monkeypatch):
-    arm, form = ur5
-    monkeypatch.setattr(sys.modules[InverseMany.__module__], "decomposed", lambda *arm: None)
-    T = circle(arm, 8)
-    plan = plan_path(form, T, free="roll", step=np.radians(30), arm=arm, tool=TORCH)
-    reached(arm, plan, T, TORCH)
+def test_an_arm_that_has_no_decomposition_is_followed(form, monkeypatch):
+    monkeypatch.setattr(sys.modules[InverseMany.__module__], "decomposed", lambda *_: None)
+    T = circle(8)
+    plan = plan_path(form, T, free="roll", step=np.radians(30), tool=TORCH)
+    reached(form.loaded, plan, T, TORCH)
     assert any("by continuation" in note for note in plan.notes)
     monkeypatch.undo()
-    exact = plan_path(form, T, free="roll", step=np.radians(30), arm=arm, tool=TORCH)
+    exact = plan_path(form, T, free="roll", step=np.radians(30), tool=TORCH)
     assert plan.nodes == pytest.approx(exact.nodes, rel=0.02)
     assert plan.clearance == pytest.approx(exact.clearance, abs=0.02)
 
 
 @pytest.mark.slow
 def test_a_seventh_joint_is_free():
-    arm, form = known("panda")
-    T = poses_of(arm, *[[0.1, -0.4, 0.2, -2.0, 0.1, 1.7, 0.6]] * 6)
+    form = known("panda")
+    T = poses_of(form.loaded, *[[0.1, -0.4, 0.2, -2.0, 0.1, 1.7, 0.6]] * 6)
     T[:, 1, 3] += np.linspace(0, 0.1, 6)
-    plan = plan_path(form, T, free=arm.joints[6], step=np.radians(5), arm=arm)
-    reached(arm, plan, T, FLANGE)
+    plan = plan_path(form, T, free=form.loaded.joints[6], step=np.radians(5))
+    reached(form.loaded, plan, T, FLANGE)
     np.testing.assert_allclose(plan.q[:, 6], plan.values, atol=1e-9)
     assert plan.clearance > 0
     with pytest.raises(OptionError, match=r"7 free joints .* may be one of panda_joint1, "):
-        plan_path(form, T, free="roll", arm=arm)
+        plan_path(form, T, free="roll")
     # With its elbow held an arm reaches poses of one distance from its shoulder alone.
     with pytest.raises(OptionError, match=r"q4 held do not move .* one of q1, q2, q3, q5, q6, q7"):
-        plan_path(known("iiwa7")[1], T, free="q4")
+        plan_path(known("iiwa7"), T, free="q4")
     with pytest.raises(OptionError, match="neither branch, roll, nor a joint"):
-        plan_path(form, T, free="elbow", arm=arm)
+        plan_path(form, T, free="elbow")
 
 
 @pytest.mark.parametrize("step", tiered([1, 60], {60}))
-def test_a_path_begins_at_its_start_whatever_the_grid(ur5, step):
+def test_a_path_begins_at_its_start_whatever_the_grid(step):
     """A start between two values of what is free was moved to the next one, or refused."""
-    panda, bent = pinsing.load("panda"), np.array([0.1, -0.4, 0.2, -1.9, 0.3, 1.7, 0.83])
-    for arm, q, least, tool, free in (
-        (panda, bent, 70, np.eye(4), "panda_joint7"),
-        (ur5[0], START, 5, TORCH, "roll"),
+    bent = np.array([0.1, -0.4, 0.2, -1.9, 0.3, 1.7, 0.83])
+    for form, q, least, tool, free in (
+        (known("panda"), bent, 70, FLANGE, "panda_joint7"),
+        (known("ur5"), START, 5, TORCH, "roll"),
     ):
+        arm = form.loaded
         Q = q + np.linspace(0, 0.1, 5)[:, None] * np.array([1, 1, 0, 1, 0, 1, 0])[: arm.n]
         T = poses_of(arm, *Q, tool=tool)
         T[:, :3, :3] = T[:, :3, :3] @ pin.utils.rotate("z", 0.1 if free == "roll" else 0.0)
-        _, form = known(arm)
-        options = {"free": free, "step": np.radians(step), "arm": arm, "tool": tool}
+        options = {"free": free, "step": np.radians(step), "tool": tool}
         plan = plan_path(form, T, start=q, **options)
         np.testing.assert_allclose(plan.q[0], q, atol=1e-12)
         assert plan.values[0] == pytest.approx(-0.1 if free == "roll" else 0.83)
@@ -439,10 +432,10 @@ def test_a_path_begins_at_its_start_whatever_the_grid(ur5, step):
 
 @pytest.mark.slow
 def test_the_bound_is_near_where_the_branch_moves_fast_along_the_seventh_joint():
-    arm, form = known("panda")
-    T = round_from(*poses_of(arm, [-0.83, -0.46, 0.6, -1.45, -0.81, 1.74, -0.04]), 60, 0.12)
-    plan = plan_path(form, T, free=arm.joints[6], step=np.radians(3), arm=arm)
-    reached(arm, plan, T, FLANGE)
+    form = known("panda")
+    T = round_from(*poses_of(form.loaded, [-0.83, -0.46, 0.6, -1.45, -0.81, 1.74, -0.04]), 60, 0.12)
+    plan = plan_path(form, T, free=form.loaded.joints[6], step=np.radians(3))
+    reached(form.loaded, plan, T, FLANGE)
     np.testing.assert_allclose(plan.q[:, 6], plan.values, atol=1e-9)
     assert 0 <= np.degrees(plan.bound - plan.clearance) < 1
     only_within(plan, form)
@@ -451,9 +444,9 @@ def test_the_bound_is_near_where_the_branch_moves_fast_along_the_seventh_joint()
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [3, 8])
 def test_the_bound_counts_what_lies_between_a_value_and_where_its_branch_turns_back(count):
-    arm, form = known("panda")
-    T = round_from(*poses_of(arm, [0.1, -0.4, 0.2, -2.0, 0.1, 1.7, 0.6]), count, 0.12)
-    no_finer_path_is_better(form, T, arm.joints[6], 10, 2)
+    form = known("panda")
+    T = round_from(*poses_of(form.loaded, [0.1, -0.4, 0.2, -2.0, 0.1, 1.7, 0.6]), count, 0.12)
+    no_finer_path_is_better(form, T, form.loaded.joints[6], 10, 2)
 
 
 @pytest.mark.slow
@@ -466,10 +459,10 @@ def test_the_bound_counts_what_lies_between_a_value_and_where_its_branch_turns_b
 )
 def test_the_bound_counts_solutions_far_from_those_at_the_next_value(begin, end, count, step):
     """Where branches end or a joint goes through half a turn finer paths had 0.4 degrees more."""
-    arm, form = known("xarm7")
+    form = known("xarm7")
     ends = np.array([begin.split(), end.split()], dtype=float)
-    T = poses_of(arm, *np.linspace(*ends, count))
-    no_finer_path_is_better(form, T, arm.joints[6], step, step / 4)
+    T = poses_of(form.loaded, *np.linspace(*ends, count))
+    no_finer_path_is_better(form, T, form.loaded.joints[6], step, step / 4)
 
 
 @pytest.mark.slow
@@ -484,11 +477,11 @@ def test_motions_between_values_are_counted(monkeypatch):
         return part
 
     monkeypatch.setattr(_Planner, "finer", counted)
-    arm, form = known("panda")
+    form = known("panda")
     a = [-2.1871, -0.8528, -0.5460, -0.1623, -1.9567, 3.2145, -1.9525]
     b = [-2.4927, -0.7399, -0.6996, -0.0698, -1.8934, 2.9909, -1.8722]
-    T = poses_of(arm, *np.linspace(a, b, 20))
-    plan = plan_path(form, T, free=arm.joints[6], step=np.radians(10), arm=arm)
+    T = poses_of(form.loaded, *np.linspace(a, b, 20))
+    plan = plan_path(form, T, free=form.loaded.joints[6], step=np.radians(10))
     assert 0 < max(counts) < 8e6
     assert np.degrees(plan.bound - plan.clearance) < 1.7
 
@@ -548,9 +541,8 @@ def test_bad_files_are_refused(tmp_path, text, said):
         read_poses(file)
 
 
-def test_the_command_writes_a_path_that_check_takes(ur5, tmp_path):
-    arm, _ = ur5
-    T = circle(arm, 5, 0.06)
+def test_the_command_writes_a_path_that_check_takes(form, tmp_path):
+    T = circle(5, 0.06)
     poses, out, picture = (tmp_path / n for n in ("poses.csv", "joints.csv", "path.png"))
     tool = "0,0.05,0.15,45,0,0"
     written(poses, T)
@@ -558,7 +550,7 @@ def test_the_command_writes_a_path_that_check_takes(ur5, tmp_path):
     done = run(*arguments, "--deg", "-o", out, "-o", picture, "-o", "-.json")
     assert done.exit_code == 0, done.output
     assert json.loads(done.stdout)["clearance"] > 0.7
-    assert out.read_text().splitlines()[0].split(",") == [f"{j} (deg)" for j in arm.joints]
+    assert out.read_text().splitlines()[0].split(",") == [f"{j} (deg)" for j in form.loaded.joints]
     assert run(*arguments, "--deg", "-o", "-.csv").stdout.endswith(out.read_text())
     assert picture.stat().st_size > 10_000
     for units in ([], ["--deg"]):
@@ -580,10 +572,9 @@ RANGES = {"x": (-0.15, 0.15), "y": (-0.2, 0.1), "yaw": (-0.5, 0.5)}
 
 
 @pytest.mark.slow
-def test_a_workpiece_is_put_as_well_as_by_brute_force(ur5):
-    arm, form = ur5
-    T = circle(arm, 6)
-    options = {"free": "roll", "step": np.radians(20), "arm": arm, "tool": TORCH}
+def test_a_workpiece_is_put_as_well_as_by_brute_force(form):
+    T = circle(6)
+    options = {"free": "roll", "step": np.radians(20), "tool": TORCH}
     plan = plan_path(form, T, place=RANGES, **options)
     at = plan.placement
     given = plan_path(form, T, **options)
@@ -601,7 +592,7 @@ def test_a_workpiece_is_put_as_well_as_by_brute_force(ur5):
     np.testing.assert_allclose(at.transform[:3, :3], turn, atol=1e-12)
     np.testing.assert_allclose(at.transform[:3] @ [*middle, 1], middle + np.array([at.x, at.y, 0]))
     assert (at.z, at.roll, at.pitch) == (0, 0, 0)
-    reached(arm, plan, at.transform @ T, TORCH)
+    reached(form.loaded, plan, at.transform @ T, TORCH)
     again = plan_path(form, at.transform @ T, **options)
     assert (plan.clearance, plan.bound) == (again.clearance, again.bound)
     assert PathPlan.from_json(plan.to_json()).placement.yaw == at.yaw
@@ -611,11 +602,10 @@ def test_a_workpiece_is_put_as_well_as_by_brute_force(ur5):
 
 
 @pytest.mark.slow
-def test_a_workpiece_that_lies_well_stays(ur5):
+def test_a_workpiece_that_lies_well_stays(form):
     """What was given is not given up for less, where the ranges allow it."""
-    arm, form = ur5
-    T = circle(arm, 4)
-    options = {"free": "roll", "step": np.radians(30), "arm": arm, "tool": TORCH}
+    T = circle(4)
+    options = {"free": "roll", "step": np.radians(30), "tool": TORCH}
     best = plan_path(form, T, place=RANGES, **options)
     T = best.placement.transform @ T
     near = {"x": (-0.4, 0.002), "z": (-0.3, 0.001)}
@@ -637,12 +627,11 @@ def test_a_workpiece_that_lies_well_stays(ur5):
         ({"yaw": (-30, 30)}, "over a turn"),
     ],
 )
-def test_ranges_that_make_no_sense_are_refused(ur5, place, said):
-    arm, form = ur5
+def test_ranges_that_make_no_sense_are_refused(form, place, said):
     with pytest.raises(OptionError, match=said):
-        plan_path(form, circle(arm, 3), arm=arm, place=place)
+        plan_path(form, circle(3), place=place)
     with pytest.raises(OptionError, match="give one of them"):
-        plan_path(form, circle(arm, 3), arm=arm, place={"x": (0, 1)}, start=START)
+        plan_path(form, circle(3), place={"x": (0, 1)}, start=START)
 
 
 def test_the_best_of_the_placements_that_are_tried_is_taken():
@@ -657,10 +646,9 @@ def test_the_best_of_the_placements_that_are_tried_is_taken():
     assert len(tried) <= count <= placement.TRIED
 
 
-def test_no_placement_is_reached(ur5, monkeypatch):
-    arm, form = ur5
+def test_no_placement_is_reached(form, monkeypatch):
     monkeypatch.setattr(placement, "TRIED", 16)
-    plan = plan_path(form, circle(arm, 3), arm=arm, tool=TORCH, place={"x": (3, 4)})
+    plan = plan_path(form, circle(3), tool=TORCH, place={"x": (3, 4)})
     assert "placements tried has one; at the best of them pose" in plan.reason
     assert "out of reach" in plan.reason
     assert plan.placement is None
@@ -668,34 +656,32 @@ def test_no_placement_is_reached(ur5, monkeypatch):
 
 
 @pytest.mark.slow
-def test_poses_far_apart_have_the_same_path_on_every_grid(ur5):
+def test_poses_far_apart_have_the_same_path_on_every_grid(form):
     # The example of docs/how-to/toolpath.md, where estimates of nodes are 15 degrees too high.
-    arm, form = ur5
     T = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (4, 1, 1))
     T[:, :3, 3] = [[0.4, -0.15, 0.1], [0.45, -0.05, 0.1], [0.45, 0.05, 0.1], [0.4, 0.15, 0.1]]
     for step in (20, 4):
         plan = plan_path(form, T, free="roll", step=np.radians(step), tool=TORCH)
-        reached(arm, plan, T, TORCH)
+        reached(form.loaded, plan, T, TORCH)
         assert np.degrees(plan.clearance) > 70.9
         assert np.degrees(plan.bound) < 71.6
     # The picture has what the best branch has at each value, along the path and away from it.
     for k, i in ((0, 7), (1, 50), (3, 75)):
-        every = pinsing.inverse(arm, T[k] @ turned(plan.grid[i]) @ np.linalg.inv(TORCH))
+        every = pinsing.inverse(form.loaded, T[k] @ turned(plan.grid[i]) @ np.linalg.inv(TORCH))
         most = max(pinsing.clearance(form, s.q, certify=True).upper for s in every)
         assert most - 1e-6 < plan.room[k, i] < most + np.radians(16)
 
 
 @pytest.mark.slow
-def test_few_poses_have_as_good_a_path_at_fine_steps_as_at_coarse_ones(ur5):
+def test_few_poses_have_as_good_a_path_at_fine_steps_as_at_coarse_ones(form):
     # Fine steps turned at most 18 degrees from pose to pose: 58.4, where 20 degrees had 59.1.
-    _, form = ur5
     dome = runpy.run_path(ROOT / "scripts/bench/toolpath.py")["toolpaths"](60)
     plan = plan_path(form, dome["5-axis spiral on a dome"], free="roll", tool=TORCH)
     assert np.degrees([plan.clearance, plan.bound]) == pytest.approx([60, 60], abs=0.5)
 
 
 def test_a_posture_named_as_start_is_kept_and_one_below_the_base_is_told(tmp_path):
-    _, form = known("m1013")
+    form = known("m1013")
     lean, turn = np.radians(np.linspace(5, 10, 4)), np.linspace(0, 1, 4)
     out = np.stack([np.sin(lean) * np.cos(turn), np.sin(lean) * np.sin(turn), np.cos(lean)], 1)
     rows = np.hstack([[0.65, 0.1, 0.05] + 0.2 * out, -out])  # a spiral on a dome
@@ -715,10 +701,9 @@ def test_a_posture_named_as_start_is_kept_and_one_below_the_base_is_told(tmp_pat
             plan_path(form, T, start=wrong, **options)
 
 
-def test_the_command_places_a_workpiece(ur5, tmp_path, monkeypatch):
-    arm, _ = ur5
+def test_the_command_places_a_workpiece(tmp_path, monkeypatch):
     monkeypatch.setattr(placement, "TRIED", 16)  # how good the best of all is slow tests say
-    poses, out = written(tmp_path / "poses.csv", circle(arm, 3)), tmp_path / "joints.csv"
+    poses, out = written(tmp_path / "poses.csv", circle(3)), tmp_path / "joints.csv"
     options = ["--step", "60deg", "--tool", "0,0.05,0.15,45,0,0", "--deg"]
     frame = ["--base-frame", "0.02,0,0,0,0,5"]
     place = ["--place", "x=-0.15..0.15, yaw=-30..30"]
@@ -737,43 +722,41 @@ def test_the_command_places_a_workpiece(ur5, tmp_path, monkeypatch):
     assert np.degrees(again["clearance"]) == pytest.approx(float(said[2]), abs=0.06)
 
 
-def test_how_far_the_tool_leaves_the_line_between_poses_is_told(ur5):
-    arm, form = ur5
-    T = circle(arm, 9)
-    plan = plan_path(form, T, arm=arm, tool=TORCH)
+def test_how_far_the_tool_leaves_the_line_between_poses_is_told(form):
+    T = circle(9)
+    plan = plan_path(form, T, tool=TORCH)
     middles = (plan.q[:-1] + plan.q[1:]) / 2
-    at = poses_of(arm, *middles, tool=TORCH)[:, :3, 3]
+    at = poses_of(form.loaded, *middles, tool=TORCH)[:, :3, 3]
     off = 1e3 * np.linalg.norm(at - (T[:-1, :3, 3] + T[1:, :3, 3]) / 2, axis=1)
     k = off.argmax()
     assert any(f"poses {k} and {k + 1}" in n and f"is {off[k]:.1f} mm" in n for n in plan.notes)
-    assert not any("mm" in n for n in plan_path(form, circle(arm, 99), arm=arm, tool=TORCH).notes)
+    assert not any("mm" in n for n in plan_path(form, circle(99), tool=TORCH).notes)
 
 
-def test_turns_of_two_joints_are_told_apart(ur5, monkeypatch):
+def test_turns_of_two_joints_are_told_apart(form, monkeypatch):
     """The kernel refused how they lay in memory: a seam of a CRX ended in a TypeError."""
-    arm, form = ur5
-    best = partial(plan_path, form, circle(arm, 3), free="roll", step=np.radians(20), arm=arm)
+    best = partial(plan_path, form, circle(3), free="roll", step=np.radians(20))
     plain, link = best(), _Planner._link
 
     def counted(self):
         link(self)
-        self._count_turns(np.arange(arm.n) > 3)
+        self._count_turns(np.arange(form.loaded.n) > 3)
 
     monkeypatch.setattr(_Planner, "_link", counted)
     plan = best()
     assert (plan.clearance, plan.bound) == pytest.approx((plain.clearance, plain.bound))
 
 
-def test_a_planner_begins_anew_where_the_poses_are_moved(ur5):
+def test_a_planner_begins_anew_where_the_poses_are_moved(form):
     """What it had found where they lay was a bound there: 64.7 degrees where a path has 67.4."""
-    arm, form = ur5
-    T = circle(arm, 3)
-    used = _Planner(form, arm, T, np.linalg.inv(TORCH), "roll", np.radians(60), None, lambda *_: 0)
+    T = circle(3)
+    step, back = np.radians(60), np.linalg.inv(TORCH)
+    used = _Planner(form, form.loaded, T, back, "roll", step, None, lambda *_: 0)
     used.plan(None)
     moves = {"x": 0.15, "y": 0.1, "yaw": -0.5}
     turn = placement.place_at(moves, T[:, :3, 3].mean(axis=0)).transform
     moved = used.moved(turn).plan(None)
-    fresh = plan_path(form, turn @ T, free="roll", step=np.radians(60), arm=arm, tool=TORCH)
+    fresh = plan_path(form, turn @ T, free="roll", step=step, tool=TORCH)
     assert (moved.clearance, moved.bound) == (fresh.clearance, fresh.bound)
     beyond = used.moved(np.block([[np.eye(3), np.full((3, 1), 5.0)], [0, 0, 0, 1]])).plan(None)
     assert "out of reach" in beyond.reason
@@ -794,7 +777,7 @@ def seam(folder):
 @pytest.mark.slow
 def test_the_map_of_a_short_path_has_no_stripes(tmp_path):
     """A value that is searched more often than its neighbours does not stand out from both."""
-    _, form = known("ur15")
+    form = known("ur15")
     plan = plan_path(form, seam(tmp_path), free="roll", tool=TORCH)
     beside = np.stack([np.roll(plan.room, turn, axis=1) for turn in (1, -1)])
     assert np.degrees(plan.room - beside.max(axis=0)).max() < 1
@@ -804,10 +787,10 @@ def test_the_map_of_a_short_path_has_no_stripes(tmp_path):
 @pytest.mark.slow
 def test_no_joint_jumps_from_pose_to_pose(tmp_path):
     """A path of greater clearance led q1, between -170 and 170 degrees, all the way round."""
-    arm, form = known("kr10_r1100_2")
-    plan = plan_path(form, seam(tmp_path), free="roll", arm=arm, tool=TORCH)
+    form = known("kr10_r1100_2")
+    plan = plan_path(form, seam(tmp_path), free="roll", tool=TORCH)
     assert np.degrees(plan.clearance) > 66
-    assert not pinsing.check_trajectory(arm, plan.q, forms=form).jumps
+    assert not pinsing.check_trajectory(form.loaded, plan.q, forms=form).jumps
 
 
 @pytest.mark.slow
@@ -815,7 +798,7 @@ def test_the_bound_counts_motions_that_are_long_at_both_ends():
     """Another path, of short motions, has 8 degrees, and was the bound: a finer grid had 20."""
     T = as_poses(".166 .205 1.406 1.475 -.009 -.093", ".106 .182 1.34 1.126 .121 .172")
     (tool,) = as_poses("-.11 -.088 .02 .701 -.808 -.369")
-    coarse, fine = no_finer_path_is_better(known("kr10_r1100")[1], T, "roll", 10, 3, tool=tool)
+    coarse, fine = no_finer_path_is_better(known("kr10_r1100"), T, "roll", 10, 3, tool=tool)
     assert min(coarse.clearance, fine.clearance) > np.radians(20)
     assert max(coarse.clearance, fine.clearance) <= fine.bound
 
@@ -831,22 +814,21 @@ def test_no_path_within_joint_speeds_is_no_error():
     )
     (tool,) = as_poses("-.07441 -.04022 -.0754 .09137 .12567 .21823")
     t = [0.0, 0.04359, 0.13241, 0.26523, 0.44011]
-    plan = plan_path(known("m1013")[1], T, free="roll", step=np.radians(10), tool=tool, t=t)
+    plan = plan_path(known("m1013"), T, free="roll", step=np.radians(10), tool=tool, t=t)
     assert "would exceed its speed limit between poses 0 and 1" in plan.reason
 
 
 @pytest.mark.slow
-def test_the_roll_of_the_poses_as_given_does_not_matter_where_it_is_free(ur5):
+def test_the_roll_of_the_poses_as_given_does_not_matter_where_it_is_free(form):
     """Turned by up to 180 degrees from pose to pose they had no path."""
-    arm, form = ur5
-    T = circle(arm, 8, 0.05)
+    T = circle(8, 0.05)
     rolls = 2 * np.pi * np.random.default_rng(2).random(8)
     given = np.array([P @ turned(a) for P, a in zip(T, rolls, strict=True)])
-    options = {"free": "roll", "step": np.radians(10), "arm": arm, "tool": TORCH}
+    options = {"free": "roll", "step": np.radians(10), "tool": TORCH}
     plan = plan_path(form, given, **options)
-    reached(arm, plan, given, TORCH)
+    reached(form.loaded, plan, given, TORCH)
     assert plan.clearance == pytest.approx(plan_path(form, T, **options).clearance, abs=0.01)
-    as_given = [s.q for s in pinsing.inverse(arm, given[0] @ np.linalg.inv(TORCH))]
+    as_given = [s.q for s in pinsing.inverse(form.loaded, given[0] @ np.linalg.inv(TORCH))]
     near = pinsing.clearance(form, np.array(as_given), certify=True).upper
     assert np.abs(near - plan.kept[:, :1]).min(axis=1) == pytest.approx(0, abs=1e-2)
     at = np.rint(plan.values / plan.grid[1]).astype(int) % len(plan.grid)

@@ -559,7 +559,7 @@ def test_a_fast_producer_is_thinned_and_counted():
 
 
 @pytest.mark.slow
-def test_silence_is_said_once_and_a_file_is_read_whole(form, tmp_path: Path):
+def test_silence_is_said_once_and_a_file_is_read_whole(tmp_path: Path):
     def slow():
         yield line(0, Q)
         yield line(1, Q)

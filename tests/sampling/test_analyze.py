@@ -300,7 +300,7 @@ def test_a_joint_that_hardly_moves_in_a_relation_is_of_it():
 
 
 @pytest.mark.parametrize("values", [{1: 0.0}, {5: 0.0}, {2: 0.0, 4: 0.0}, {1: 0.0, 2: 0.0}])
-def test_iiwa_negatives(values, rng):
+def test_iiwa_negatives(values):
     """What looks singular and is not: regular, so not to be generalised."""
     arm = arms.textbook("iiwa14")
     q = np.full(7, 0.7)
