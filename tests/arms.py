@@ -18,17 +18,16 @@ _DATA = Path("cmeel.prefix/share/example-robot-data/robots")
 
 
 @functools.cache
-def textbook(name: str, task: str = "pose", length_scale: float = 1.0) -> Arm:
+def textbook(name: str, task: str = "pose") -> Arm:
     """One of the arms in ``urdf/``."""
-    model = pin.buildModelFromUrdf(str(URDF / f"{name}.urdf"))
-    return load(model, task=task, length_scale=length_scale)
+    return load(pin.buildModelFromUrdf(str(URDF / f"{name}.urdf")), task=task)
 
 
 @functools.cache
-def data_robot(path: str, tip: str | None = None, task: str = "pose") -> Arm:
+def data_robot(path: str, tip: str | None = None) -> Arm:
     """A robot of example-robot-data, by its path below ``robots/``."""
     file = distribution("example-robot-data").locate_file(_DATA / path)
-    return load(pin.buildModelFromUrdf(str(file)), tip=tip, task=task)
+    return load(pin.buildModelFromUrdf(str(file)), tip=tip)
 
 
 def ur5() -> Arm:

@@ -32,9 +32,9 @@ def row_matrix(convention: str, alpha: float, a: float, d: float, theta: float) 
     return np.array([*rows, [0, 0, 0, 1]])
 
 
-def dh_text(rows, limits=(-180, 180), convention="standard", name="made"):
+def dh_text(rows, limits=(-180, 180), convention="standard"):
     """The table of some rows, which may have limits of their own; slides go from -1 to 1 m."""
-    text = f"name: {name}\nconvention: {convention}\nunits: {{angle: deg, length: m}}\nrows:\n"
+    text = f"name: made\nconvention: {convention}\nunits: {{angle: deg, length: m}}\nrows:\n"
     for alpha, a, d, *rest in rows:
         theta, kind, own = (*rest, *(0, "revolute", None)[len(rest) :])
         low, high = own or (limits if kind == "revolute" else (-1, 1))
