@@ -137,7 +137,7 @@ def test_with_little_known_and_no_time_nothing_is_said(given):
 
 @pytest.mark.slow
 def test_real_points_lead_where_no_slice_does(kept, given, monkeypatch):
-    real = slices.RandomSingular.of(kept.maker, Budget(60))
+    real = slices.RandomSingular.of(kept.maker)
     assert not real.off(kept.components).any()
 
     def none(self, prime, time):

@@ -621,18 +621,11 @@ class RandomSingular:
     q: Array  # (k, n): the configurations
 
     @classmethod
-    def of(cls, maker: PieceMaker, time: Budget) -> RandomSingular:
+    def of(cls, maker: PieceMaker) -> RandomSingular:
         """Those that random starts over whole circles lead to."""
-        own, rng = OwnPoints(maker.geometry.arm), np.random.default_rng(37)
         box = SearchBox.of(Branch((), ()), maker.lower, maker.upper)
-        found = []
-        for _ in range(4):
-            # Random starts at once.
-            found.append(own.drawn(100, box, rng))
-            # Work of a batch of starts, in products of terms.
-            if time.stop(1e6):
-                break
-        return cls(maker, np.concatenate(found))
+        drawn = OwnPoints(maker.geometry.arm).drawn(400, box, np.random.default_rng(37))
+        return cls(maker, drawn)
 
     def __len__(self) -> int:
         return len(self.q)

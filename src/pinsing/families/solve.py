@@ -344,8 +344,7 @@ def slices(s: ComponentSearch) -> bool:
         return LongChain(*given, thorough=False).components
 
     near_at = near if s.arm.n > _MANY else None  # of nine joints all minors take seconds there
-    # No random starts are made after a tenth of the time that is left.
-    real = RandomSingular.of(s.maker, s.rest(0.1))
+    real = RandomSingular.of(s.maker)
     # Of many joints families take long to describe: that has the rest of the time.
     time, largest = s.rest(0.7), s.arm.n - s.rank + 1
     given = s.geometry, s.task, s.ring, s.components, largest, time
