@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
@@ -111,17 +112,18 @@ def test_numpy_scalars_become_plain():
     assert (back.count, back.good, back.pair) == (4, False, (0.5, 1))
 
 
-@pytest.mark.parametrize("text", ["", "{", "nonsense", "[" * 100_000, '{"schema": '])
-def test_not_json(text):
-    with pytest.raises(ResultError, match="not JSON"):
-        Tree.from_json(text)
+OTHERS = {
+    "not JSON": ["", "{", "nonsense", "[" * 100_000, '{"schema": '],
+    "expected data of schema 'pinsing.test.Tree/1'": [
+        "null", "[]", "3", '"pinsing.test.Tree/1"', "{}", '{"schema": "pinsing.test.Tree/2"}',
+    ],
+    "found 'pinsing.test.Choosy/1'": [Choosy(1.0).to_json()],
+}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "text", ["null", "[]", "3", '"pinsing.test.Tree/1"', "{}", '{"schema": "pinsing.test.Tree/2"}']
-)
-def test_another_schema(text):
-    with pytest.raises(ResultError, match=r"expected data of schema 'pinsing.test.Tree/1'"):
+@pytest.mark.parametrize(("said", "text"), [(k, text) for k in OTHERS for text in OTHERS[k]])
+def test_what_is_no_such_result(said, text):
+    with pytest.raises(ResultError, match=said):
         Tree.from_json(text)
 
 
@@ -162,11 +164,6 @@ def test_values_that_the_result_itself_refuses():
     assert Choosy.from_json(Choosy(1.0).to_json()) == Choosy(1.0)
     with pytest.raises(ResultError, match="level is negative"):
         Choosy.from_dict({"schema": Choosy.schema, "level": -1})
-
-
-def test_results_of_one_kind_are_not_taken_for_another():
-    with pytest.raises(ResultError, match=r"found 'pinsing.test.Choosy/1'"):
-        Tree.from_json(Choosy(1.0).to_json())
 
 
 @dataclass(frozen=True)
@@ -241,9 +238,7 @@ def test_every_result_prints_its_text_and_shows_it_in_a_notebook() -> None:
         said = str(result)
         assert result.text() == said, name
         assert 10 < len(said) < 6000, name
-        assert not any(word in said for word in ("array(", "None", "=array", "dtype", "ROBOT")), (
-            name
-        )
+        assert not re.search(r"array\(|None|dtype|ROBOT", said), name
         assert type(result).from_json(result.to_json()).to_json() == result.to_json(), name
         assert result._repr_html_().startswith("<"), name
         assert result.schema in SCHEMAS, "another version: what was saved before has to be read too"

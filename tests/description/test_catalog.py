@@ -286,23 +286,19 @@ MUJOCO = """<mujoco model="two_links"><worldbody>
 STAND_IN = {
     "__init__": "from ._descriptions import DESCRIPTIONS\n",
     "_descriptions": """
-class D:
-    def __init__(self, robot, repository):
-        self.maker, self.robot, self.repository = "Unimation", robot, repository
+from types import SimpleNamespace as D
 DESCRIPTIONS = {
-    "puma_description": D("PUMA", "here"),
-    "table_description": D("Table", "here"),
-    "xacro_description": D("Arm", "here"),
-    "broken_description": D("Broken", "here"),
-    "far_description": D("Far", "there"),
-    "shape_description": D("Shape", "here"),
+    f"{name.lower()}_description": D(maker="Unimation", robot=name, repository=repository)
+    for repository, names in (("here", "PUMA Table Xacro Broken Shape"), ("there", "Far"))
+    for name in names.split()
 }
 """,
     "_repositories": """
-class R:
-    def __init__(self, url, cache_path):
-        self.url, self.cache_path = url, cache_path
-REPOSITORIES = {"here": R("https://e.org/here.git", "here"), "there": R("https://e.org/x", "x")}
+from types import SimpleNamespace as R
+REPOSITORIES = {
+    "here": R(url="https://e.org/here.git", cache_path="here"),
+    "there": R(url="https://e.org/x", cache_path="x"),
+}
 """,
     "puma_description": "print('noise')\nURDF_PATH = {puma!r}\nPACKAGE_PATH = {urdf!r}\n",
     "xacro_description": (
