@@ -10,9 +10,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (35_341, 30_000),
-    "Python in src: lines": (68_113, 56_000),
-    "C++, JavaScript, templates, styles: lines": (11_401, 9_500),
+    "Python in src: statements": (35_338, 30_000),
+    "Python in src: lines": (68_109, 56_000),
+    "C++, JavaScript, templates, styles: lines": (11_336, 9_500),
     "modules": (137, 220),
     "packages directly under pinsing": (15, 16),
     "numbers in module constants": (492, 500),

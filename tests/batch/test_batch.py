@@ -229,7 +229,7 @@ def test_the_kernel_itself_checks_shapes(isa: str) -> None:
         engine._kernel.svdvals(np.zeros((3, 7, 7)), isa, 1)
     names = {
         float: "value noise reach curvature steepness amplitude phase rate_norm rate",
-        np.int64: "family value_joint rate_joint power_joint power",
+        np.int64: "family value_joint rate_joint power_joint",
     }
     flat = {name: np.zeros(0, kind) for kind, some in names.items() for name in some.split()}
     for name in ("value", "equation", "term", "rate", "power"):

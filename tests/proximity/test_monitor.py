@@ -145,8 +145,8 @@ def test_prismatic_joints_in_equations(compiled: bool) -> None:
     family = replace(form.families[0], branches=branches, length_scale=0.5)
     form = replace(form, families=(family,), arm=replace(form.arm, length_scale=0.5))
     monitor = monitor_of(form, compiled, horizon=3.0)
-    rng = np.random.default_rng(5)
-    met = 0
+    assert monitor.update(np.full(6, 0.4), [99, 0, 0, 99, 99, 99]).time_to_contact == np.inf
+    rng, met = np.random.default_rng(5), 0
     for _ in range(60):
         q, v = rng.uniform(-1, 1, (2, 6))
         said = monitor.update(q, v).time_to_contact

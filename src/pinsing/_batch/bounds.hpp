@@ -8,43 +8,10 @@
 constexpr double kHuge = 1.7976931348623157e308;
 constexpr double kWidest = 1.0e3;  // radius beyond which no bound of a polynomial is sought
 
-struct SumAt {
-    V value, error, slope_error;
-};
-
-// Value and gradient (added to g, which is zero) at x.
-static SumAt sum_at(const Conditions& c, std::int64_t e, const V* x, V* g) {
-    V v = broadcast(0.0), size = broadcast(0.0), steep = broadcast(c.steepness[e]);
-    V farthest = broadcast(4.0);
-    for (std::int64_t t = c.term_start[e]; t < c.term_start[e + 1]; t++) {
-        V angle = broadcast(c.phase[t]);
-        for (std::int64_t k = c.rate_start[t]; k < c.rate_start[t + 1]; k++) {
-            const V xj = x[c.rate_joint[k]];
-            angle += c.rate[k] * xj;
-            farthest = vmax(farthest, vabs(xj));
-        }
-        V s, co;
-        sincos(angle, s, co);
-        V power = broadcast(c.amplitude[t]);
-        for (std::int64_t k = c.power_start[t]; k < c.power_start[t + 1]; k++)
-            for (std::int64_t p = 0; p < c.power[k]; p++) power *= x[c.power_joint[k]];
-        v += power * co;
-        size += vabs(power);
-        const V turned = power * s;
-        for (std::int64_t k = c.rate_start[t]; k < c.rate_start[t + 1]; k++)
-            g[c.rate_joint[k]] -= turned * c.rate[k];
-        if (c.sliding[e]) steep += vabs(power) * c.rate_norm[t];
-        for (std::int64_t k = c.power_start[t]; k < c.power_start[t + 1]; k++) {
-            V lowered = broadcast(c.amplitude[t] * static_cast<double>(c.power[k]));
-            for (std::int64_t i = c.power_start[t]; i < c.power_start[t + 1]; i++)
-                for (std::int64_t p = i == k ? 1 : 0; p < c.power[i]; p++)
-                    lowered *= x[c.power_joint[i]];
-            g[c.power_joint[k]] += lowered * co;
-            steep += vabs(lowered);
-        }
-    }
-    const V relative = c.noise[e] + 4.5e-16 * c.reach[e] * farthest;
-    return SumAt{v, size * relative, steep * relative};
+// Value and gradient g of an equation at x.
+static SumAt<V> equation_at(const Conditions& c, std::int64_t e, const V* x, V* g) {
+    for (int j = 0; j < c.n; j++) g[j] = broadcast(0.0);
+    return sum_at(c, e, all_joints(c), x, g, [](std::int64_t, const V&, const V&) {});
 }
 
 // Bound of the second derivatives within `radius` of x.
@@ -55,10 +22,9 @@ static V curvature_within(const Conditions& c, std::int64_t e, const V* x, V rad
         V size = broadcast(fabs(c.amplitude[t])), first = broadcast(0.0), squares = broadcast(0.0);
         for (std::int64_t k = c.power_start[t]; k < c.power_start[t + 1]; k++) {
             const V a = vmax(vabs(x[c.power_joint[k]]) + radius, 1e-150);
-            for (std::int64_t p = 0; p < c.power[k]; p++) size *= a;
-            const double p = static_cast<double>(c.power[k]);
-            first += p / a;
-            squares += (p / a) * (1.0 / a);
+            size *= a;
+            first += 1.0 / a;
+            squares += (1.0 / a) * (1.0 / a);
         }
         const double r = c.rate_norm[t];
         const V second = c.largest ? first * first : vmax(first * first - squares, 0.0);
@@ -77,78 +43,62 @@ struct Both {
     V lower, upper;
 };
 
-static V no_nearer(V value, V slope, V curvature) {
-    const V root = vsqrt(slope * slope + 2.0 * (curvature * value));
-    return (2.0 * value) / vmax(slope + root, 1e-300) * (1.0 - 8e-15);
+// Within this there is no zero of the sum of multiples of k equations, from e on: `at` and g (k, n) are theirs
+// at x, `both` (n,) is scratch.
+static V no_nearer(const Conditions& c, std::int64_t e, int k, const SumAt<V>* at, const V* g,
+                   const V* multiple, const V* x, V* both) {
+    V value = broadcast(0.0), error = value, slope = value, curvature = value;
+    for (int j = 0; j < c.n; j++) both[j] = broadcast(0.0);
+    for (int i = 0; i < k; i++) {
+        const V size = vabs(multiple[i]);
+        value += multiple[i] * at[i].value;
+        error += size * at[i].error;
+        if (k > 1) error += size * vabs(at[i].value) * 1e-14;
+        slope += size * at[i].slope_error;
+        for (int j = 0; j < c.n; j++) both[j] += multiple[i] * g[i * c.n + j];
+    }
+    slope += dual_norm(c, both);
+    const V left = vmax(vabs(value) - error, 0.0);
+    const V radius = vmin(left / vmax(slope, 1e-300), kWidest);
+    for (int i = 0; i < k; i++) curvature += vabs(multiple[i]) * curvature_within(c, e + i, x, radius);
+    const V root = vsqrt(slope * slope + 2.0 * (curvature * left));
+    return vmin((2.0 * left) / vmax(slope + root, 1e-300) * (1.0 - 8e-15), radius);
 }
 
-static Both bounds_of_equation(const Conditions& c, std::int64_t e, const V* x, const SumAt& at,
-                               const V* g) {
-    const V norm = dual_norm(c, g);
-    const V a = vmax(vabs(at.value) - at.error, 0.0), b = vabs(at.value) + at.error;
-    const V steepest = norm + at.slope_error, least = norm - at.slope_error;
-    const V radius = vmin(a / vmax(steepest, 1e-300), kWidest);
-    const V lower = vmin(no_nearer(a, steepest, curvature_within(c, e, x, radius)), radius);
+// How far a zero of an equation is at most, along its gradient.
+static V reached_along(const Conditions& c, std::int64_t e, const SumAt<V>& at, const V* g, const V* x) {
+    const V b = vabs(at.value) + at.error, least = dual_norm(c, g) - at.slope_error;
     const V within = vmin(2.0 * b / vmax(least, 1e-300), kWidest);
     const V room = least * least - 2.0 * (curvature_within(c, e, x, within) * b);
     const V reached = (2.0 * b) / vmax(least + vsqrt(vmax(room, 0.0)), 1e-300) * (1.0 + 8e-15);
-    const V infinite = broadcast(__builtin_inf());
-    const V upper = select((broadcast(0.0) <= room) & (least > 0.0) & (reached <= within * (1.0 + 1e-9)),
-                     reached, infinite);
-    return Both{lower, upper};
+    const Mask sure = (broadcast(0.0) <= room) & (least > 0.0) & (reached <= within * (1.0 + 1e-9));
+    return select(sure, reached, broadcast(__builtin_inf()));
 }
 
-// Scratch of bounds_of_branch, in blocks.
-static std::size_t branch_blocks(int n) {
-    const int k = kMaxCombined;
-    return static_cast<std::size_t>(n * (k + 2) + k * 4);
-}
+// Scratch of bounds_of_branch and reach_families, in blocks.
+static std::size_t branch_blocks(int n) { return static_cast<std::size_t>(n * (kMaxCombined + 2)); }
 
 // Bounds of the equations of one branch.
 static Both bounds_of_branch(const Conditions& c, std::int64_t first, std::int64_t last, const V* x,
                              V* memory) {
-    const int n = c.n, most = kMaxCombined;
-    V* g = memory;  // one more than are combined
-    V* both = g + (most + 1) * n;
-    V* value = both + n;
-    V* error = value + most;
-    V* slope_error = error + most;
-    V* multiple = slope_error + most;
+    constexpr int most = kMaxCombined;
+    const int n = c.n;
+    V *g = memory, *both = g + (most + 1) * n;  // one more than are combined
+    SumAt<V> at[most + 1];
+    const V one = broadcast(1.0);
     Both best{broadcast(0.0), broadcast(__builtin_inf())};
     for (std::int64_t e = first; e < last; e++) {
         const int i = e - first < most ? static_cast<int>(e - first) : most;
-        V* ge = g + i * n;
-        for (int j = 0; j < n; j++) ge[j] = broadcast(0.0);
-        const SumAt at = sum_at(c, e, x, ge);
-        const Both one = bounds_of_equation(c, e, x, at, ge);
-        best.lower = vmax(best.lower, one.lower);
-        if (last - first == 1) best.upper = one.upper;
-        if (i == most) continue;
-        value[i] = at.value;
-        error[i] = at.error;
-        slope_error[i] = at.slope_error;
+        at[i] = equation_at(c, e, x, g + i * n);
+        best.lower = vmax(best.lower, no_nearer(c, e, 1, at + i, g + i * n, &one, x, both));
+        if (last - first == 1) best.upper = reached_along(c, e, at[i], g, x);
     }
     const int k = static_cast<int>(last - first < most ? last - first : most);
     if (k < 2) return best;
-    for (int i = 0; i < k; i++) multiple[i] = value[i];
+    V multiple[most];
+    for (int i = 0; i < k; i++) multiple[i] = at[i].value;
     least_norm([=](int i) { return g + i * n; }, k, n, multiple, 1e-13, 1e-15);
-    V v = broadcast(0.0), err = broadcast(0.0), slope = broadcast(0.0), sizes = broadcast(0.0);
-    for (int j = 0; j < n; j++) both[j] = broadcast(0.0);
-    for (int i = 0; i < k; i++) {
-        const V size = vabs(multiple[i]);
-        v += multiple[i] * value[i];
-        err += size * error[i];
-        slope += size * slope_error[i];
-        sizes += size * vabs(value[i]);
-        for (int j = 0; j < n; j++) both[j] += multiple[i] * g[i * n + j];
-    }
-    const V steep = dual_norm(c, both) + slope;
-    const V a = vmax(vabs(v) - err - sizes * 1e-14, 0.0);
-    const V radius = vmin(a / vmax(steep, 1e-300), kWidest);
-    V curvature = broadcast(0.0);
-    for (int i = 0; i < k; i++)
-        curvature += vabs(multiple[i]) * curvature_within(c, first + i, x, radius);
-    const V joined = vmin(no_nearer(a, steep, curvature), radius);
+    const V joined = no_nearer(c, first, k, at, g, multiple, x, both);
     best.lower = vmax(best.lower, select(joined <= kHuge, joined, broadcast(0.0)));
     return best;
 }
@@ -226,8 +176,8 @@ static void reach_families(const Conditions& c, const V* x, V* bound, V* points,
                 way += (p[j] - x[j]) * (p[j] - x[j]);
                 g[j] = broadcast(0.0);
             }
-            const SumAt at = sums == 0 ? SumAt{more, more, more} : sum_at(c, e, p, g);
-            if (sums > 0) more = bounds_of_equation(c, e, p, at, g).upper;
+            const SumAt<V> at = sums == 0 ? SumAt<V>{more, more, more, more} : equation_at(c, e, p, g);
+            if (sums > 0) more = reached_along(c, e, at, g, p);
             way = (vsqrt(way) + more) * (1.0 + 1e-9);
             // Bounds of values have no points yet.
             const Mask closer = way <= upper * (sums == 0 ? 1.0 + 1e-8 : 1.0);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "conditions.hpp"
+#include "numbers.hpp"
 
 namespace pinsing {
 
@@ -31,78 +32,57 @@ inline double part_of(double whole, double fixed, bool largest) {
     return fixed < whole ? std::sqrt((whole - fixed) * (whole + fixed)) : -1.0;
 }
 
-inline double vmax(double x, double y) { return std::max(x, y); }
 #include "least_norm.hpp"
+#include "sums.hpp"
 
-// Value, gradient and bounds of one equation.
-struct SumAt {
-    double value, error, rest, size;
+// An equation with its gradient, and on a box what its linear approximation may be off.
+struct SumOnBox : SumAt<double> {
+    double size, rest;  // size: of its terms, lengths below one taken as one
     double g[kJoints];
-    double bend[kJoints];  // with half-widths: how much each joint adds to the rest
+    double bend[kJoints];  // how much each joint adds to the rest
 };
 
-// Equation e at x (d,), where rj and pj say which joints its rates and powers are of; with half-widths h
-// also the rest of the linear approximation within the box.
-template <class Joint>
-void look_at_sum(const Conditions& c, std::int64_t e, const Joint* rj, const Joint* pj, const double* x,
-                 const double* h, int d, SumAt& out) {
-    double value = 0.0, rest = 0.0, size = 0.0, farthest = 4.0;
-    double* bend = out.bend;
+// Equation e at x (d,), in a box of half-widths h unless that is null.
+template <class Number>
+void look_at_sum(const Conditions& c, std::int64_t e, Joints<Number> joints, const double* x, const double* h,
+                 int d, SumOnBox& out) {
+    double rest = 0.0, size = 0.0;
     std::fill(out.g, out.g + d, 0.0);
-    if (h != nullptr) std::fill(bend, bend + d, 0.0);
-    const double* r = c.rate + c.rate_start[c.term_start[e]];
-    const std::int64_t* p = c.power + c.power_start[c.term_start[e]];
-    for (std::int64_t t = c.term_start[e]; t < c.term_start[e + 1]; t++) {
-        const int rates = static_cast<int>(c.rate_start[t + 1] - c.rate_start[t]);
-        const int powers = static_cast<int>(c.power_start[t + 1] - c.power_start[t]);
-        double angle = c.phase[t], swing = 0.0;
-        for (int k = 0; k < rates; k++) {
-            angle += r[k] * x[rj[k]];
-            farthest = std::max(farthest, std::fabs(x[rj[k]]));
-            if (h != nullptr) swing += std::fabs(r[k]) * h[rj[k]];
-        }
-        const double sine = std::sin(angle), cosine = std::cos(angle);
-        double power = c.amplitude[t];
-        for (int k = 0; k < powers; k++)
-            for (int i = 0; i < p[k]; i++) power *= x[pj[k]];
-        value += power * cosine;
-        const double turned = power * sine;
-        for (int k = 0; k < rates; k++) out.g[rj[k]] -= turned * r[k];
-        double magnitude = std::fabs(c.amplitude[t]), first = 0.0, squares = 0.0;
-        double largest = powers > 0 ? magnitude : std::fabs(power);
-        for (int k = 0; k < powers; k++) {
-            double lowered = c.amplitude[t] * static_cast<double>(p[k]);
-            for (int m = 0; m < powers; m++)
-                for (int i = m == k ? 1 : 0; i < p[m]; i++) lowered *= x[pj[m]];
-            out.g[pj[k]] += lowered * cosine;
-            const double half = h != nullptr ? h[pj[k]] : 0.0;
-            const double a = std::max(std::fabs(x[pj[k]]) + half, 1e-150);
-            for (int i = 0; i < p[k]; i++) largest *= a, magnitude *= std::max(a, 1.0);
-            first += static_cast<double>(p[k]) * (half / a);
-            squares += static_cast<double>(p[k]) * (half / a) * (half / a);
-        }
+    std::fill(out.bend, out.bend + (h != nullptr ? d : 0), 0.0);
+    const auto of_term = [&](std::int64_t t, double sine, double cosine) __attribute__((always_inline)) {
+        double magnitude = std::fabs(c.amplitude[t]), largest = magnitude;
+        double swing = 0.0, first = 0.0, squares = 0.0;
+        const auto widened = [&](std::int64_t k) {
+            const std::int64_t j = joints.of_power(k);
+            return std::max(std::fabs(x[j]) + (h != nullptr ? h[j] : 0.0), 1e-150);
+        };
+        for (std::int64_t k = c.power_start[t]; k < c.power_start[t + 1]; k++)
+            magnitude *= std::max(widened(k), 1.0);
         size += magnitude;
-        if (h != nullptr) {
-            // Second derivatives of p cos: p'' cos - 2 p' sin - p cos; the angle is within
-            // `swing` of its value at the middle, so |cos| and |sin| are within `swing` too.
-            const double even = std::min(std::fabs(cosine) + swing, 1.0);
-            const double odd = std::min(std::fabs(sine) + swing, 1.0);
-            rest += 0.5 * largest *
-                    (even * (swing * swing + std::max(first * first - squares, 0.0)) +
-                     odd * 2.0 * swing * first);
-            for (int k = 0; k < rates; k++)
-                bend[rj[k]] += largest * std::fabs(r[k]) * h[rj[k]] * (even * swing + odd * first);
-            for (int k = 0; k < powers; k++) {
-                const double a = std::max(std::fabs(x[pj[k]]) + h[pj[k]], 1e-150);
-                bend[pj[k]] += largest * static_cast<double>(p[k]) * (h[pj[k]] / a) *
-                               (odd * swing + even * first);
-            }
+        if (h == nullptr) return;
+        const auto share = [&](std::int64_t k) { return h[joints.of_power(k)] / widened(k); };
+        for (std::int64_t k = c.power_start[t]; k < c.power_start[t + 1]; k++) {
+            largest *= widened(k);
+            first += share(k);
+            squares += share(k) * share(k);
         }
-        rj += rates, r += rates, pj += powers, p += powers;
-    }
-    out.value = value;
+        for (std::int64_t k = c.rate_start[t]; k < c.rate_start[t + 1]; k++)
+            swing += std::fabs(c.rate[k]) * h[joints.of_rate(k)];
+        // Second derivatives of p cos: p'' cos - 2 p' sin - p cos; the angle is within
+        // `swing` of its value at the middle, so |cos| and |sin| are within `swing` too.
+        const double even = std::min(std::fabs(cosine) + swing, 1.0);
+        const double odd = std::min(std::fabs(sine) + swing, 1.0);
+        rest += 0.5 * largest *
+                (even * (swing * swing + std::max(first * first - squares, 0.0)) + odd * 2.0 * swing * first);
+        for (std::int64_t k = c.rate_start[t]; k < c.rate_start[t + 1]; k++)
+            out.bend[joints.of_rate(k)] += largest * std::fabs(c.rate[k]) * h[joints.of_rate(k)] *
+                                           (even * swing + odd * first);
+        for (std::int64_t k = c.power_start[t]; k < c.power_start[t + 1]; k++)
+            out.bend[joints.of_power(k)] += largest * share(k) * (odd * swing + even * first);
+    };
+    static_cast<SumAt<double>&>(out) = sum_at(c, e, joints, x, out.g, of_term);
     out.size = size;
-    out.error = size * (c.noise[e] + 4.5e-16 * c.reach[e] * farthest);
+    out.error = size * out.relative;
     out.rest = rest * (1.0 + 1e-12) + 2.0 * out.error;
 }
 

@@ -43,26 +43,23 @@ public:
             }
             return number[joint];
         };
-        for (std::int64_t t = c.term_start[first]; t < c.term_start[c.equation_start[branch + 1]]; t++) {
-            for (auto k = c.rate_start[t]; k < c.rate_start[t + 1]; k++)
-                rate_joint_.push_back(numbered(c.rate_joint[k]));
-            for (auto k = c.power_start[t]; k < c.power_start[t + 1]; k++)
-                power_joint_.push_back(numbered(c.power_joint[k]));
-        }
+        const std::int64_t term = c.term_start[first], last = c.term_start[c.equation_start[branch + 1]];
+        for (auto k = c.rate_start[term]; k < c.rate_start[last]; k++)
+            rate_joint_.push_back(numbered(c.rate_joint[k]));
+        for (auto k = c.power_start[term]; k < c.power_start[last]; k++)
+            power_joint_.push_back(numbered(c.power_joint[k]));
+        own_ = {rate_joint_.data(), power_joint_.data(), c.rate_start[term], c.power_start[term]};
     }
 
     const std::int64_t first;  // of its equations
-    std::vector<SumAt> at;     // what was evaluated last
+    std::vector<SumOnBox> at;  // what was evaluated last
     std::vector<int> joints;
 
     int d() const { return static_cast<int>(joints.size()); }
 
     // Equation i at x, within half-widths h unless that is null.
-    const SumAt& look(std::size_t i, const double* x, const double* h) {
-        const std::int64_t e = first + static_cast<std::int64_t>(i);
-        const std::int64_t begin = c_.term_start[first], t = c_.term_start[e];
-        look_at_sum(c_, e, rate_joint_.data() + (c_.rate_start[t] - c_.rate_start[begin]),
-                    power_joint_.data() + (c_.power_start[t] - c_.power_start[begin]), x, h, d(), at[i]);
+    const SumOnBox& look(std::size_t i, const double* x, const double* h) {
+        look_at_sum(c_, first + static_cast<std::int64_t>(i), own_, x, h, d(), at[i]);
         return at[i];
     }
 
@@ -81,7 +78,7 @@ public:
     // joints, and what of `delta` lies along them.
     void steps(const bool* free, const double* delta, double* onto, double* along) {
         const int n = d();
-        for (SumAt& one : at)
+        for (SumOnBox& one : at)
             for (int j = 0; j < n; j++)
                 if (!free[j]) one.g[j] = 0.0;
         if (at.size() == 1) {
@@ -97,7 +94,7 @@ public:
         }
         double A[kJoints * kJoints] = {}, copy[kJoints * kJoints];
         std::fill(onto, onto + n, 0.0);
-        for (const SumAt& one : at) {
+        for (const SumOnBox& one : at) {
             const double scale = 1.0 / one.size;
             for (int i = 0; i < n; i++) {
                 onto[i] -= one.g[i] * one.value * scale * scale;
@@ -210,7 +207,7 @@ public:
         std::copy(near, near + n, box.near);
         double bend[kJoints] = {};
         for (std::size_t i = 0; i < at.size(); i++) {
-            const SumAt& one = look(i, box.c, box.h);
+            const SumOnBox& one = look(i, box.c, box.h);
             if (!of_slab(q, box, lo, hi, near, one.value, one.g, one.rest)) return false;
             double steep = 1e-300;
             for (int j = 0; j < n; j++) steep += std::fabs(one.g[j]) * box.h[j] + one.bend[j];
@@ -229,6 +226,7 @@ public:
 private:
     const Conditions& c_;
     std::vector<int> rate_joint_, power_joint_;  // of rates and powers, as numbered in `joints`
+    Joints<int> own_;
 
     // In the maximum norm: to where the least cube around q meets the linearised equation at x,
     // whose value and gradient are in `at`.
@@ -308,7 +306,7 @@ private:
     // leave; false where that is nothing.
     bool shrink(const double* q, double most, double* lo, double* hi, Box& box) const {
         const int n = d();
-        for (const SumAt& one : at) {
+        for (const SumOnBox& one : at) {
             double reach = 0.0;
             for (int j = 0; j < n; j++) reach += std::fabs(one.g[j]) * box.h[j];
             const double slack = one.rest + 4e-16 * (n + 4) * (std::fabs(one.value) + reach);

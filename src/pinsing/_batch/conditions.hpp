@@ -2,7 +2,8 @@
 //
 // Coordinates are weighted: x_j = w_j q_j with the weight that a joint has in the metric, so that
 // distances are plain norms. An equation is
-//     f(x) = sum_t amplitude_t prod_j x_j^power cos(phase_t + sum_j rate_tj x_j).
+//     f(x) = sum_t amplitude_t prod_j x_j^power cos(phase_t + sum_j rate_tj x_j),
+// where the joint of a power of p stands p times.
 #pragma once
 
 #include <cstdint>
@@ -36,7 +37,6 @@ struct Conditions {
     const double* rate;
     const std::int64_t* power_start;     // (terms + 1,)
     const std::int64_t* power_joint;
-    const std::int64_t* power;
     bool largest;                  // distances in the maximum norm, else the Euclidean one
 };
 

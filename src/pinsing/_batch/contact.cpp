@@ -20,65 +20,38 @@ constexpr double kWindow = 1.0;  // how far ahead second derivatives are bounded
 constexpr int kMostSteps = 64;
 constexpr double kRidge = 1e-9;  // damps what more equations than directions contradict each other in
 
-// An equation along u: h(0), h'(0), a bound of |h''| up to kWindow, and errors.
-struct AlongLine {
-    double value, slope, bend, error, slope_error;
-};
-
-AlongLine along(const Conditions& c, std::int64_t e, const double* x, const double* u) {
-    double value = 0.0, slope = 0.0, bend = 0.0, size = 0.0, steep = 0.0, farthest = 4.0;
+// A bound of |h''| of an equation along u, up to kWindow.
+double bend_along(const Conditions& c, std::int64_t e, const double* x, const double* u) {
+    double bend = 0.0;
     for (std::int64_t t = c.term_start[e]; t < c.term_start[e + 1]; t++) {
-        double angle = c.phase[t], turning = 0.0, turns = 0.0;
+        double turning = 0.0, turns = 0.0, size = std::fabs(c.amplitude[t]);
         for (std::int64_t k = c.rate_start[t]; k < c.rate_start[t + 1]; k++) {
-            const std::int64_t j = c.rate_joint[k];
-            angle += c.rate[k] * x[j];
-            turning += c.rate[k] * u[j];
-            turns += std::fabs(c.rate[k] * u[j]);
-            farthest = std::max(farthest, std::fabs(x[j]));
+            turning += c.rate[k] * u[c.rate_joint[k]];
+            turns += std::fabs(c.rate[k] * u[c.rate_joint[k]]);
         }
-        double power = c.amplitude[t], largest = std::fabs(c.amplitude[t]), growth = 0.0;
-        double lowered = 0.0, lowered_size = 0.0;
+        double grows = std::fabs(turning) + 1e-14 * turns;
         for (std::int64_t k = c.power_start[t]; k < c.power_start[t + 1]; k++) {
             const std::int64_t j = c.power_joint[k];
             const double a = std::max(std::fabs(x[j]) + kWindow * std::fabs(u[j]), 1e-150);
-            for (std::int64_t p = 0; p < c.power[k]; p++) {
-                power *= x[j];
-                largest *= a;
-            }
-            growth += static_cast<double>(c.power[k]) * std::fabs(u[j]) / a;
-            double less = c.amplitude[t] * static_cast<double>(c.power[k]) * u[j];
-            for (std::int64_t i = c.power_start[t]; i < c.power_start[t + 1]; i++)
-                for (std::int64_t p = i == k ? 1 : 0; p < c.power[i]; p++)
-                    less *= x[c.power_joint[i]];
-            lowered += less;
-            lowered_size += std::fabs(less);
+            size *= a;
+            grows += std::fabs(u[j]) / a;
         }
-        const double cosine = std::cos(angle), sine = std::sin(angle);
-        const double swing = std::fabs(turning) + 1e-14 * turns;
-        value += power * cosine;
-        slope += lowered * cosine - power * sine * turning;
-        bend += largest * (swing * swing + 2.0 * swing * growth + growth * growth);
-        size += std::fabs(power);
-        steep += std::fabs(power) * turns + lowered_size;
+        bend += size * grows * grows;
     }
-    const double relative = c.noise[e] + 4.5e-16 * c.reach[e] * farthest;
-    return AlongLine{value, slope, bend * (1.0 + 1e-12), size * relative, steep * relative};
+    return bend * (1.0 + 1e-12);
 }
 
 // How far along u there is no zero of an equation: proven.
 double step_of_equation(const Conditions& c, std::int64_t e, const double* x, const double* u) {
-    const AlongLine h = along(c, e, x, u);
-    const double left = std::max(std::fabs(h.value) - h.error, 0.0);
+    SumOnBox h;
+    look_at_sum(c, e, all_joints(c), x, nullptr, c.n, h);
+    const double left = std::max(std::fabs(h.value) - h.error, 0.0), bend = bend_along(c, e, x, u);
     if (!(left > 0.0)) return 0.0;
-    const double falls = (h.value > 0.0 ? -h.slope : h.slope) + h.slope_error;
-    const double root = std::sqrt(falls * falls + 2.0 * (h.bend * left));
-    double step = kInfinity;
-    if (falls > 0.0) {
-        step = 2.0 * left / (falls + root);
-    } else if (h.bend > 0.0) {
-        step = (root - falls) / h.bend;
-    }
-    step *= 1.0 - 1e-12;
+    if (bend == 0.0) return kInfinity;  // none of its joints moves
+    double falls = h.slope_error * norm_of(u, c.n, c.largest);
+    for (int j = 0; j < c.n; j++) falls += (h.value > 0.0 ? -h.g[j] : h.g[j]) * u[j];
+    const double root = std::sqrt(falls * falls + 2.0 * (bend * left));
+    const double step = (falls > 0.0 ? 2.0 * left / (falls + root) : (root - falls) / bend) * (1.0 - 1e-12);
     return c.sliding[e] ? std::min(step, kWindow) : step;
 }
 
@@ -123,12 +96,10 @@ void approach(const Conditions& c, std::int64_t b, const double* x, const double
     }
     const std::int64_t first = c.equation_start[b], all = c.equation_start[b + 1] - first;
     const int k = static_cast<int>(std::min<std::int64_t>(all, kMaxCombined));
-    SumAt at[kMaxCombined];
+    SumOnBox at[kMaxCombined];
     double y[kMaxCombined], z[kMaxCombined], moves[kMaxCombined];
     for (int i = 0; i < k; i++) {
-        const std::int64_t e = first + i, t = c.term_start[e];
-        look_at_sum(c, e, c.rate_joint + c.rate_start[t], c.power_joint + c.power_start[t], x, nullptr,
-                    c.n, at[i]);
+        look_at_sum(c, first + i, all_joints(c), x, nullptr, c.n, at[i]);
         y[i] = at[i].value;
         moves[i] = 0.0;
         for (int j = 0; j < c.n; j++) moves[i] += at[i].g[j] * u[j];

@@ -38,6 +38,7 @@ namespace {
 #include "roots.hpp"
 #include "svd_choice.hpp"
 #include "least_norm.hpp"
+#include "sums.hpp"
 #include "bounds.hpp"
 #include "walk.hpp"
 #include "speeds.hpp"

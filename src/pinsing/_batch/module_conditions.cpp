@@ -22,7 +22,7 @@ public:
         const auto size = [&](const char* name) { return nb::len(nb::handle(flat[name])); };
         const std::size_t n = size("turn"), branches = size("family"), values = size("value");
         const std::size_t equations = size("noise"), terms = size("amplitude");
-        const std::size_t rates = size("rate"), powers = size("power");
+        const std::size_t rates = size("rate"), powers = size("power_joint");
         require(n >= 1 && n <= kMaxConditionJoints, "the number of joints is out of range");
         require(families >= 0 && families <= 100000, "the number of families is out of range");
         const auto reals = [&](const char* name, std::size_t count) {
@@ -54,7 +54,7 @@ public:
                         reals("amplitude", terms), reals("phase", terms), reals("rate_norm", terms),
                         starts("rate_start", terms, rates), wholes("rate_joint", rates, n),
                         reals("rate", rates), starts("power_start", terms, powers),
-                        wholes("power_joint", powers, n), wholes("power", powers, 1000), largest};
+                        wholes("power_joint", powers, n), largest};
     }
 
     ConditionSet(const ConditionSet&) = delete;

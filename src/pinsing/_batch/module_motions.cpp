@@ -17,7 +17,7 @@ namespace {
 constexpr double kNever = -std::numeric_limits<double>::infinity();
 
 template <class Number>
-nb::object handed_over(const std::vector<Number>& numbers) {
+nb::object array_of(const std::vector<Number>& numbers) {
     const Made<Number> made({numbers.size()});
     std::copy(numbers.begin(), numbers.end(), made.data);
     return made.array;
@@ -65,35 +65,36 @@ nb::object divided(
     std::vector<std::int32_t> out(most * M, none);
     for (std::size_t m = 0; m < M; m++)
         for (std::size_t d = end[m]; d < end[m + 1]; d++) out[(d - end[m]) * M + m] = found[d];
-    return handed_over(out);
+    return array_of(out);
 }
 
-// Nodes of two poses, `q` (W, n) and `to` (M, n), what clearance there is proven, and how far a
-// value reaches. States are nodes with one of the `turns` (T, C) of the `counted` joints each.
+// Nodes of two poses, `q` (W, n) and `to` (M, n), and of each `near` (2, W) and `near_to` (2, M) what
+// clearance there is proven, and how far a value reaches; of `joints` (3, n) whole turns that count, scales,
+// and the most that one moves. States are nodes with one of the `turns` (T, C) of the `counted` joints each.
 struct Motions {
-    In q, to, clear, clear_to, reach, reach_to, turn, scale, most;
+    In q, to, near, near_to, joints;
     InWhole counted, turns;
-    int n, M, C, T;
+    int n, W, M, C, T;
     std::vector<std::int64_t> begin;  // (T,): the states that a motion begins at; -1 is none
     double length = 0.0, lacks = 0.0, slack = 0.0;
     bool quick = false, nearly = false;  // whether joint speeds are kept, or are at ends that moved by `slack`
 
-    Motions(const In& q, const In& to, const In& clear, const In& clear_to, const In& reach,
-            const In& reach_to, const In& turn, const In& scale, const In& most,
+    Motions(const In& q, const In& to, const In& near, const In& near_to, const In& joints,
             const InWhole& counted, const InWhole& turns)
-        : q(q), to(to), clear(clear), clear_to(clear_to), reach(reach), reach_to(reach_to),
-          turn(turn), scale(scale), most(most), counted(counted), turns(turns),
-          n(static_cast<int>(turn.size())), M(static_cast<int>(reach_to.size())),
-          C(static_cast<int>(counted.size())), T(static_cast<int>(turns.shape(0))), begin(T) {
-        require(q.size() == clear.size() * n && to.size() == clear_to.size() * n &&
-                    reach.size() == clear.size() && reach_to.size() == clear_to.size() &&
-                    scale.size() == turn.size() && most.size() == turn.size() &&
+        : q(q), to(to), near(near), near_to(near_to), joints(joints), counted(counted), turns(turns),
+          n(static_cast<int>(joints.size() / 3)), W(static_cast<int>(near.size() / 2)),
+          M(static_cast<int>(near_to.size() / 2)), C(static_cast<int>(counted.size())),
+          T(static_cast<int>(turns.shape(0))), begin(T) {
+        const std::size_t size = static_cast<std::size_t>(n);
+        require(joints.size() == 3 * size && q.size() == W * size && to.size() == M * size &&
+                    near.size() == 2 * static_cast<std::size_t>(W) &&
+                    near_to.size() == 2 * static_cast<std::size_t>(M) &&
                     turns.size() == static_cast<std::size_t>(T) * C,
                 "nodes and joints do not fit");
     }
 
     void states(std::int64_t from, int m) {
-        require(from >= 0 && from < static_cast<std::int64_t>(clear.size()), "no such node");
+        require(from >= 0 && from < W, "no such node");
         const double *a = q.data() + from * n, *b = to.data() + m * n;
         for (int t = 0; t < T; t++) {
             std::int64_t number = 0;
@@ -110,18 +111,19 @@ struct Motions {
 
     void measure(std::int64_t from, int m) {
         const double *a = q.data() + from * n, *b = to.data() + m * n;
+        const double *turn = joints.data(), *scale = turn + n, *most = scale + n;
         double square = 0.0;
-        slack = std::max(reach_to.data()[m], reach.data()[from]);
+        slack = std::max(near_to.data()[M + m], near.data()[W + from]);
         quick = nearly = true;
         for (int j = 0; j < n; j++) {
             double gap = b[j] - a[j];
-            gap = (gap - turn.data()[j] * nearest_whole(gap * (0.5 / M_PI))) * scale.data()[j];
+            gap = (gap - turn[j] * nearest_whole(gap * (0.5 / M_PI))) * scale[j];
             square += gap * gap;
-            quick &= std::fabs(gap) <= most.data()[j];
-            nearly &= std::fabs(gap) <= most.data()[j] + 2 * slack;
+            quick &= std::fabs(gap) <= most[j];
+            nearly &= std::fabs(gap) <= most[j] + 2 * slack;
         }
         length = std::sqrt(square);
-        lacks = length - (clear_to.data()[m] + clear.data()[from]);
+        lacks = length - (near_to.data()[m] + near.data()[from]);
     }
 };
 
@@ -138,7 +140,7 @@ nb::tuple onward(Motions& motion, const InWhole& source, const InFlags& far, con
     const int M = motion.M, T = motion.T;
     const std::size_t states = static_cast<std::size_t>(M) * T;
     const int D = M ? static_cast<int>(source.size() / M) : 0;
-    const std::size_t all = motion.clear.size() * T;
+    const std::size_t all = static_cast<std::size_t>(motion.W) * T;
     require(far.size() == source.size() && best.size() == 2 * all && value.size() == room.size() &&
                 static_cast<int>(room.size()) == M && within.size() == 2 * states &&
                 found.size() == states && from.size() == states && relaxed.size() == states,
@@ -209,11 +211,9 @@ nb::tuple onward(Motions& motion, const InWhole& source, const InFlags& far, con
             for (int t = 0; t < T; t++) may.push_back(ways[d * T + t].relaxed);
         }
     }
-    return nb::make_tuple(
-        nb::make_tuple(handed_over(cell), handed_over(held),
-                       handed_over(before), handed_over(lack)),
-        nb::make_tuple(handed_over(node), handed_over(last),
-                       handed_over(slack), handed_over(may)));
+    const nb::tuple proofs = nb::make_tuple(array_of(cell), array_of(held), array_of(before), array_of(lack));
+    const nb::tuple bounds = nb::make_tuple(array_of(node), array_of(last), array_of(slack), array_of(may));
+    return nb::make_tuple(proofs, bounds);
 }
 
 // As `onward`, toward the pose before: `through` (W,) and `passing` (M,) are what paths to and on
@@ -222,7 +222,7 @@ nb::tuple onward(Motions& motion, const InWhole& source, const InFlags& far, con
 nb::tuple onward_back(Motions& motion, const InWhole& source, const In& through,
                       const In& passing, const In& room, double least, Out back) {
     const int M = motion.M, D = M ? static_cast<int>(source.size() / M) : 0;
-    require(through.size() == motion.clear.size() && back.size() == through.size() &&
+    require(static_cast<int>(through.size()) == motion.W && back.size() == through.size() &&
                 static_cast<int>(passing.size()) == M && static_cast<int>(room.size()) == M,
             "nodes and motions do not fit");
     std::vector<std::int64_t> node, last;
@@ -240,8 +240,7 @@ nb::tuple onward_back(Motions& motion, const InWhole& source, const In& through,
                 node.push_back(m), last.push_back(x), slack.push_back(motion.slack),
                     may.push_back(value);
         }
-    return nb::make_tuple(handed_over(node), handed_over(last),
-                          handed_over(slack), handed_over(may));
+    return nb::make_tuple(array_of(node), array_of(last), array_of(slack), array_of(may));
 }
 
 }  // namespace
@@ -249,8 +248,7 @@ nb::tuple onward_back(Motions& motion, const InWhole& source, const In& through,
 void add_motions(nb::module_& m) {
     define(m, "divided", &divided);
     nb::class_<Motions> motions(m, "Motions");
-    motions.def(nb::init<const In&, const In&, const In&, const In&, const In&, const In&, const In&,
-                         const In&, const In&, const InWhole&, const InWhole&>());
+    motions.def(nb::init<const In&, const In&, const In&, const In&, const In&, const InWhole&, const InWhole&>());
     define(motions, "onward", &onward);
     define(motions, "onward_back", &onward_back);
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "module.hpp"
+#include "numbers.hpp"
 #include "share_out.hpp"
 
 namespace nb = nanobind;
@@ -19,61 +20,31 @@ constexpr double kLongestStep = 0.3;
 // So that a singular configuration beside the way is no end of it.
 constexpr double kDamping = 1e-12;
 
-// Axes and origins of the joints; the tip's placement R (columns), p.
-struct Placed {
-    double z[kMaxColumns][3], o[kMaxColumns][3], R[3][3], p[3];
-
-    void turn(const double* C, const double* t) {
-        const double old[3][3] = {{R[0][0], R[0][1], R[0][2]},
-                                  {R[1][0], R[1][1], R[1][2]},
-                                  {R[2][0], R[2][1], R[2][2]}};
-        for (int r = 0; r < 3; r++) {
-            p[r] += old[0][r] * t[0] + old[1][r] * t[1] + old[2][r] * t[2];
-            for (int k = 0; k < 3; k++)
-                R[k][r] = old[0][r] * C[k] + old[1][r] * C[3 + k] + old[2][r] * C[6 + k];
-        }
-    }
-
-    Placed(const Chain& chain, const double* q)
-        : R{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, p{} {
-        for (int j = 0; j <= chain.n; j++) {
-            turn(chain.R + 9 * j, chain.t + 3 * j);
-            if (j == chain.n) break;
-            const double s = std::sin(q[j]), c = std::cos(q[j]);
-            for (int r = 0; r < 3; r++) {
-                z[j][r] = R[2][r], o[j][r] = p[r];
-                const double x = R[0][r], y = R[1][r];
-                if (chain.prismatic[j]) p[r] += q[j] * z[j][r];
-                else R[0][r] = x * c + y * s, R[1][r] = y * c - x * s;
-            }
-        }
-    }
-};
-
-void cross(const double* a, const double* b, double* out) {
-    for (int r = 0; r < 3; r++)
-        out[r] = a[(r + 1) % 3] * b[(r + 2) % 3] - a[(r + 2) % 3] * b[(r + 1) % 3];
-}
+#include "jacobian.hpp"
 
 // q (n,) to a pose, by its `free` joints: whether what is left of each number is below `small`.
 // Configurations farther away than `near` are let be, and so is what does not come nearer.
 bool bring(const Chain& chain, const bool* free, const double* position, const double* rotation,
            double scale, double small, double near, double slower, double* q) {
-    double J[kMaxColumns][6], A[kMaxColumns][kMaxColumns], step[kMaxColumns], e[6], turned[3];
+    double J[6 * kMaxColumns], column[kMaxColumns][6], A[kMaxColumns][kMaxColumns], step[kMaxColumns];
+    const double* C = chain.R + 9 * chain.n;
+    Tip<double> tip;
     for (int iteration = 0; iteration < kIterations; iteration++) {
-        const Placed at(chain, q);
-        double off = 0.0;
+        jacobian_block(chain, q, J, &tip);
+        double off = 0.0, e[6] = {};
         for (int r = 0; r < 3; r++) {
-            e[r] = (position[r] - at.p[r]) / scale, e[3 + r] = 0.0;
+            e[r] = (position[r] - tip.p[r]) / scale;
             off = std::max(off, std::fabs(e[r]));
         }
         for (int k = 0; k < 3; k++) {
-            const double to[3] = {rotation[k], rotation[3 + k], rotation[6 + k]};
-            cross(at.R[k], to, turned);
+            double axis[3], to[3];
             for (int r = 0; r < 3; r++) {
-                e[3 + r] += 0.5 * turned[r];
-                off = std::max(off, std::fabs(at.R[k][r] - to[r]));
+                axis[r] = tip.R[3 * r] * C[k] + tip.R[3 * r + 1] * C[3 + k] + tip.R[3 * r + 2] * C[6 + k];
+                to[r] = rotation[3 * r + k];
+                off = std::max(off, std::fabs(axis[r] - to[r]));
             }
+            for (int r = 0; r < 3; r++)
+                e[3 + r] += 0.5 * (axis[(r + 1) % 3] * to[(r + 2) % 3] - axis[(r + 2) % 3] * to[(r + 1) % 3]);
         }
         if (off < small) return true;
         if (!(off < near)) return false;
@@ -81,18 +52,14 @@ bool bring(const Chain& chain, const bool* free, const double* position, const d
         int d = 0;
         for (int j = 0; j < chain.n; j++) {
             if (!free[j]) continue;
-            const bool slides = chain.prismatic[j];
-            const double arm[3] = {at.p[0] - at.o[j][0], at.p[1] - at.o[j][1], at.p[2] - at.o[j][2]};
-            cross(at.z[j], arm, J[d]);
-            for (int r = 0; r < 3; r++) {
-                J[d][r] = slides ? at.z[j][r] : J[d][r] / scale;
-                J[d][3 + r] = slides ? 0.0 : at.z[j][r];
-            }
             step[d] = 0.0;
-            for (int r = 0; r < 6; r++) step[d] += J[d][r] * e[r];
+            for (int r = 0; r < 6; r++) {
+                column[d][r] = J[r * chain.n + j] / (r < 3 && !chain.prismatic[j] ? scale : 1.0);
+                step[d] += column[d][r] * e[r];
+            }
             for (int i = 0; i <= d; i++) {  // Cholesky's factor, row by row
                 double sum = i == d ? kDamping : 0.0;
-                for (int r = 0; r < 6; r++) sum += J[d][r] * J[i][r];
+                for (int r = 0; r < 6; r++) sum += column[d][r] * column[i][r];
                 for (int k = 0; k < i; k++) sum -= A[d][k] * A[i][k];
                 A[d][i] = i == d ? std::sqrt(std::max(sum, kDamping)) : sum / A[i][i];
             }

@@ -270,7 +270,7 @@ private:
         const std::int64_t e = branch.first;
         if (branch.at.size() != 1 || c_.sliding[e] || length <= 0.0) return 0.0;
         branch.evaluate(x);
-        const SumAt& at = branch.at[0];
+        const SumOnBox& at = branch.at[0];
         const double m = norm_of(at.g, branch.d(), false) - at.error * (1.0 + c_.reach[e]);
         const double off = std::fabs(at.value) + at.error;
         const bool sure = m > 0.0 && m * m > 8.0 * c_.curvature[e] * off;

@@ -248,7 +248,7 @@ class Conditions:
     def flat(self) -> dict[str, Array | Ints | Bool]:
         """Return all numbers as flat arrays, as the kernel and guards in C hold them."""
         # ``x_start``: where values (equations, terms, rates, powers) of a branch (branch, equation,
-        # term, term) start.
+        # term, term) start. The joint of a power of p is there p times.
         sums, n = self.sums, self.n
         rate, power = (
             np.concatenate([np.zeros((0, n)), *(getattr(s, k) for s in sums)])
@@ -279,9 +279,8 @@ class Conditions:
             "rate_start": _starts((rate != 0).sum(axis=1)),
             "rate_joint": np.nonzero(rate)[1],
             "rate": rate[rate != 0],
-            "power_start": _starts((power != 0).sum(axis=1)),
-            "power_joint": np.nonzero(power)[1],
-            "power": power[power != 0].astype(np.int64),
+            "power_start": _starts(power.sum(axis=1)),
+            "power_joint": np.repeat(np.nonzero(power)[1], power[power != 0].astype(np.int64)),
         }
 
     @cached_property
@@ -543,13 +542,10 @@ def _of_sum(s: TrigSum, x: Array, u: Array) -> float:
     falls = float(-slope if value > 0 else slope) + float(slope_error * np.abs(u).sum())
     swing = np.abs(s.rate @ u) + 1e-14 * (np.abs(s.rate) @ np.abs(u))
     bend = float(s.bend((np.abs(x) + _WINDOW * np.abs(u))[None], swing, np.abs(u)[None])[0])
+    if bend == 0:  # none of its joints moves
+        return math.inf
     root = math.sqrt(falls * falls + 2 * bend * left)
-    step = math.inf
-    if falls > 0:
-        step = 2 * left / (falls + root)
-    elif bend > 0:
-        step = (root - falls) / bend
-    step *= 1 - 1e-12
+    step = (2 * left / (falls + root) if falls > 0 else (root - falls) / bend) * (1 - 1e-12)
     return min(step, _WINDOW) if len(s.slides) else step
 
 

@@ -862,10 +862,10 @@ class _Planner:
         """Return motions to nodes ``here`` (M,) of a pose for the kernel."""
         n = self.arm.n
         Q = self.Q[k - 1].reshape(-1, n), self.Q[k].reshape(-1, n)[here]
-        clear = self.clear[k - 1].ravel(), self.clear[k].ravel()[here]
-        reach = 0.55 * self.way[k - 1], 0.55 * self.way[k, here]
-        joints = self.turn, self.scale, self._farthest(k), np.flatnonzero(self.counted), self.turns
-        return engine.module().Motions(*Q, *clear, *reach, *joints)
+        near, to = (np.stack([self.clear[i].ravel(), 0.55 * self.way[i]]) for i in (k - 1, k))
+        joints = np.stack([self.turn, self.scale, self._farthest(k)])
+        turns = np.flatnonzero(self.counted), self.turns
+        return engine.module().Motions(*Q, near, to[:, here].copy(), joints, *turns)
 
     def _pool(self, k: int, here: Ints, floor: float) -> None:
         """Look at motions to nodes ``here`` (M,) of a pose far from the last from all, if few."""
