@@ -21,6 +21,7 @@ from pinsing.algebra.conditions import (
 )
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
 from pinsing.families import Branch, Family
+from pinsing.families.zero_set import OwnPoints
 from pinsing.proximity.monitor import make_guard
 
 ARMS = [
@@ -249,6 +250,26 @@ def test_a_form_that_is_not_complete_calls_nothing_clear() -> None:
         assert "not complete" in repr(pinsing.check_trajectory(poor, [q, q]))
     assert pinsing.clearance(poor, q).lower == 0.0
     assert "not complete" in pinsing.proximity.crossings(poor, [q, q]).text()
+
+
+def test_points_of_equations_that_are_not_singular_are_none_of_a_family() -> None:
+    """Equations of a wrist singularity that are zero at wrist_2_joint = 1 rad as well."""
+    form = closed("ur5")
+    wrist = form["wrist"]
+    decoy = Branch((JointValue(4, 1.0, False),), ())
+    own = OwnPoints(form.loaded)
+    wrist = dataclasses.replace(wrist, branches=(*wrist.branches, decoy), confirm=own)
+    form = dataclasses.replace(form, families=(wrist,))
+    q = np.array([0, -1.2, 1.3, -1, 0.9, 0])
+    quick, sure = (pinsing.clearance(form, q, certify=certify) for certify in (False, True))
+    assert quick.lower == sure.lower == pytest.approx(0.1)
+    assert quick.upper == pinsing.Monitor(form).update(q).upper == np.inf
+    assert 0.9 <= sure.upper < 0.91
+    through = pinsing.check_trajectory(form.loaded, [q, q + 0.2 * np.eye(6)[4]], forms=form)
+    assert not through.crossings
+    assert 0.9 < through.approaches[0].upper <= 1
+    into = pinsing.check_trajectory(form.loaded, [q, q - np.eye(6)[4]], forms=form)
+    assert [c.kind for c in into.crossings] == ["crossing"]
 
 
 def test_what_is_of_the_nominal_design_says_so() -> None:

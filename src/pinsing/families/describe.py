@@ -644,14 +644,7 @@ _SHORT = 60
 
 def kinds_of(family: Family, points: Array, arm: Arm, maker: PieceMaker) -> tuple[KindPart, ...]:
     """Return the kinds of singularity at points (N, n), by branches, or as shares of the points."""
-    # Points that are looked into of those where that takes longer, if all kinds agree then.
-    kinds = kinds_many(arm, points, 6)
-    rest = [i for i, kind in enumerate(kinds) if kind is None]
-    if rest and (len(set(kinds)) > 2 or len(family.branches) > 2):  # each branch, or shares: all
-        for i, kind in zip(rest, kinds_many(arm, points[rest]), strict=True):
-            kinds[i] = kind
-    points = points[[kind is not None for kind in kinds]]
-    found = [kind for kind in kinds if kind is not None]
+    found = kinds_many(arm, points)
     counts, total = Counter(found), len(found)
     if len(counts) == 1:
         return (KindPart(found[0], "", 1.0, total),)

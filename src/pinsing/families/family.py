@@ -402,24 +402,13 @@ class Family(JsonResult):
         ConfigurationError.refuse_if(
             q.ndim != 1, f"distance takes one configuration, got shape {q.shape}"
         )
-        # Among joint values what was found is the nearest.
-        exact = all(not b.equations for b in self.branches)
-        conditions, options = (
-            self.conditions(weights, norm),
-            SearchOptions(gap, boxes, within_limits),
+        options = SearchOptions(gap, boxes, within_limits)
+        found = distance_to(self, q, self.conditions(weights, norm), options)
+        ConfigurationError.refuse_if(
+            found.upper == np.inf and not (within_limits or self.confirm),
+            f"family {self.name}: no real point was found on it",
         )
-        near_points = nearest_points(conditions, q[None], *self.limits, options)
-        upper, point = float(near_points.upper[0]), near_points.q[0]
-        if near_points.family[0] < 0:
-            if not within_limits:
-                raise ConfigurationError(f"family {self.name}: no real point was found on it")
-            point = np.full(self.n, np.nan)
-        lower = upper if exact else float(near_points.lower[0])
-        found = Distance(upper, point, exact, lower, upper)
-        if self.confirm is None or not np.isfinite(point).all() or self.confirm(point[None])[0]:
-            return found
-        limits = self.limits if within_limits else None
-        return own_nearest(found, conditions, self.branches, self.space, q, limits, self.confirm)
+        return found
 
     @checked
     def gradient(self, q: ArrayLike) -> Array:
@@ -863,4 +852,35 @@ def half_angles(families: Iterable[Family]) -> Iterator[str]:
         "one, and in a factor half of an angle may be left, as where another is zero at a single "
         "value of that joint; a whole turn changes the sign of such an equation, "
         "never whether it holds"
+    )
+
+
+def all_own(family: Family) -> bool:
+    """Return whether all points of the equations are known to be singular."""
+    return family.confirm is None or family.confirm.touching
+
+
+def owned(family: Family, points: Array) -> Bool:
+    """Return which points (N, n) of the equations are the family's own: singular."""
+    if family.confirm is None or family.confirm.touching:
+        return np.ones(len(points), dtype=bool)
+    return family.confirm(points)
+
+
+def distance_to(
+    family: Family, q: Array, conditions: Conditions, options: SearchOptions
+) -> Distance:
+    """`Family.distance`, under its conditions; infinite where no point was found."""
+    found = nearest_points(conditions, q[None], *family.limits, options)
+    upper, point = float(found.upper[0]), found.q[0]
+    if found.family[0] < 0:
+        point = np.full(family.n, np.nan)
+    # Among joint values what was found is the nearest.
+    exact = all(not b.equations for b in family.branches)
+    distance = Distance(upper, point, exact, upper if exact else float(found.lower[0]), upper)
+    if family.confirm is None or found.family[0] < 0 or owned(family, found.q)[0]:
+        return distance
+    limits = family.limits if options.within_limits else None
+    return own_nearest(
+        distance, conditions, family.branches, family.space, q, limits, family.confirm
     )

@@ -80,23 +80,20 @@ def clear_kinds(arm: Arm, Q: Array) -> list[Kind | None]:
 _SLIDE = 0.05  # length of the self-motion tried along a degenerate direction, as above
 
 
-def kinds_many(arm: Arm, Q: ArrayLike, most: int | None = None) -> list[Kind | None]:
+def kinds_many(arm: Arm, Q: ArrayLike) -> list[Kind]:
     """Return the ``kind`` of ``describe_many`` for each row of Q (N, n), and nothing else.
 
     One lost direction needs no search for a definite combination: what is clear is decided for all
-    rows at once. Of the others the first ``most`` are decided one by one (they may be of another
-    kind), and the rest is None. Where some rows of the task are missing everywhere, nothing is
-    clear.
+    rows at once. Where some rows of the task are missing everywhere, nothing is clear.
     """
     Q = np.atleast_2d(arm.check(Q))
     full = generic_rank(arm) == len(arm.task.rows)
     found: list[Kind | None] = clear_kinds(arm, Q) if full else [None] * len(Q)
-    if rest := [i for i, kind in enumerate(found) if kind is None][:most]:
-        J, H = own_jacobians_and_derivatives(arm, Q[rest])
-        spaces = [_Spaces(arm, *row) for row in zip(Q[rest], J, H, strict=True)]
-        for i, kind in zip(rest, _decided(arm, spaces), strict=True):
-            found[i] = kind
-    return found
+    unclear = [i for i, kind in enumerate(found) if kind is None]
+    J, H = own_jacobians_and_derivatives(arm, Q[unclear])
+    spaces = [_Spaces(arm, *row) for row in zip(Q[unclear], J, H, strict=True)]
+    decided = iter(_decided(arm, spaces))
+    return [next(decided) if kind is None else kind for kind in found]
 
 
 class _Spaces:

@@ -31,7 +31,7 @@ from pinsing.algebra.conditions import (
 )
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.families import Branch, ClosedForm, Family
-from pinsing.families.family import asked_for
+from pinsing.families.family import all_own, asked_for, distance_to, owned
 from pinsing.families.solve import closed_form, form_to_measure
 from pinsing.interface import (
     MAX_SEED,
@@ -555,8 +555,11 @@ def clearance(
 def quick(watched: Watched, Q: Array, within_limits: bool = False) -> Clearance:
     """Two-sided bounds in closed form at Q (N, n)."""
     if not within_limits:
-        found = two_sided(watched.conditions, Q)
+        sure = np.array([all_own(f) for f in watched.families], dtype=bool)
+        found = two_sided(watched.conditions, Q, each=not sure.all())
         lower, upper, family = found.lower, found.upper, found.family
+        if not sure.all():
+            upper = found.each[:, sure, 1].min(axis=1, initial=np.inf)
     else:
         every = two_sided(watched.conditions, Q, each=True).each
         # Near a family that just misses the limits a robot of that design may be singular.
@@ -594,8 +597,15 @@ def certified(watched: Watched, Q: Array, options: SearchOptions) -> tuple[Clear
     found = nearest_points(watched.conditions, Q, *watched.limits, options)
     # A search whose boxes end early may know less than the bounds in closed form.
     least = np.maximum(found.lower, two_sided(watched.conditions, Q).lower)
-    bounds = np.minimum(least, found.upper), found.upper, found.family
-    return _clearance(watched, Q, *bounds, True, options.within_limits), found.q
+    upper, family, points = found.upper, found.family, found.q
+    for i in np.flatnonzero(family >= 0):
+        if not owned(watched.families[family[i]], points[i : i + 1])[0]:
+            each = zip(watched.families, watched.each, strict=True)
+            known = [distance_to(f, Q[i], conditions, options) for f, conditions in each]
+            family[i] = k = int(np.argmin([d.upper for d in known]))
+            upper[i], points[i] = known[k].upper, known[k].q
+    bounds = np.minimum(least, upper), upper, family
+    return _clearance(watched, Q, *bounds, True, options.within_limits), points
 
 
 def _clearance(

@@ -30,6 +30,7 @@ from pinsing.algebra.conditions import (
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch
+from pinsing.families.family import distance_to, owned
 from pinsing.interface import JsonResult, Sequenced, checked, real_numbers
 from pinsing.kinematics.jacobian import generic_rank, task_jacobians
 from pinsing.measures import PRACTICAL, ROUNDING, Array, ArrayLike, Bool, Ints
@@ -308,6 +309,8 @@ def crossings_of(watched: Watched, motion: Motion) -> Crossings:
         last = np.array([item[1] for item in found])
         Q, begin, end = motion.at(first), motion.time(first), motion.time(last)
         for (_, _, f, kind), q, b, e in zip(found, Q, begin, end, strict=True):
+            if not owned(watched.families[f], q[None])[0]:
+                continue
             long = kind == "along" or (kind == "touch" and e > b)
             until = min(float(e), float(motion.t[-1])) if long else float(b)
             family = watched.families[f]
@@ -677,6 +680,8 @@ class Passage:
         upper, t, q = min(found, key=lambda x: (round(x[0], 9), x[1]))
         nearest = nearest_points(conditions, q[None], *watched.families[f].limits, _SEARCH)
         upper = min(upper, float(nearest.upper[0]))
+        if not owned(watched.families[f], nearest.q)[0]:
+            upper = distance_to(watched.families[f], q, conditions, _SEARCH).upper
         least = max(0.0, min(float(self._least[f]), upper))
         outside = "family" if watched.families[f].is_reachable is False else ""
         if not outside:

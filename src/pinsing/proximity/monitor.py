@@ -31,6 +31,7 @@ from pinsing.algebra.trig_sum import COMBINED
 from pinsing.atomic_write import MEBIBYTE
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
+from pinsing.families.family import all_own
 from pinsing.interface import JsonResult, checked, columns_of, encode, real_numbers
 from pinsing.kinematics.jacobian import fingerprint, frame_jacobians
 from pinsing.kinematics.tip_speed import TURN_SPEED, SpeedJudge, TipSpeeds, limits_of, speed_judge
@@ -323,6 +324,8 @@ class Monitor:
         hold = 1.0 + self.hysteresis
         if self._watched.elsewhere and family < 0:
             lower = float(self._watched.regular((self._x / self._watched.weight)[None])[0])
+        if family >= 0 and not all_own(self._watched.families[family]):
+            upper = math.inf
         level = CLEAR
         if lower <= self.stop or (self.level == STOP and lower <= self.stop * hold):
             level = STOP
