@@ -32,7 +32,7 @@ from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch
 from pinsing.families.family import distance_to, owned
 from pinsing.interface import JsonResult, Sequenced, checked, real_numbers
-from pinsing.kinematics.jacobian import generic_rank, task_jacobians
+from pinsing.kinematics.jacobian import NEAR_RTOL, generic_rank, ratios, task_jacobians
 from pinsing.measures import PRACTICAL, ROUNDING, Array, ArrayLike, Bool, Ints
 from pinsing.proximity.clearance import CLOSE, Forms, Watched, nearest_family, watch
 from pinsing.robot.arm import Arm
@@ -309,7 +309,9 @@ def crossings_of(watched: Watched, motion: Motion) -> Crossings:
         last = np.array([item[1] for item in found])
         Q, begin, end = motion.at(first), motion.time(first), motion.time(last)
         for (_, _, f, kind), q, b, e in zip(found, Q, begin, end, strict=True):
-            if not owned(watched.families[f], q[None])[0]:
+            confirm = watched.families[f].confirm
+            # Zeros of the equations at which the arm is not even near-singular are none of it.
+            if confirm is not None and ratios(confirm.arm, q[None])[0] > NEAR_RTOL:
                 continue
             long = kind == "along" or (kind == "touch" and e > b)
             until = min(float(e), float(motion.t[-1])) if long else float(b)
