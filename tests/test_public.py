@@ -120,7 +120,7 @@ MISTAKES = [
     ("pinsing.closed_form(pinsing.load)", TypeError, "arm must be"),
     ("pinsing.clearance(q, form)", TypeError, "pinsing.closed_form(arm) gives one"),
     ("pinsing.clearance(other, [q])", PinsingError, "needs"),
-    ("pinsing.check_trajectory(arm, [q], forms=other)", PinsingError, "an arm with other joints"),
+    ("pinsing.check_trajectory(arm, [q], forms=other)", PinsingError, "of another arm"),
     ("pinsing.Monitor(q)", TypeError, "forms must be"),
     ("pinsing.inverse(arm, form)", PinsingError, "pose must be numbers"),
     ("pinsing.plan_path(form, q)", PinsingError, "poses"),

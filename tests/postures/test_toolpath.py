@@ -634,6 +634,13 @@ def test_ranges_that_make_no_sense_are_refused(form, place, said):
         plan_path(form, circle(3), place={"x": (0, 1)}, start=START)
 
 
+def test_a_matrix_whose_last_row_is_another_is_no_rigid_motion(form):
+    T = circle(3)
+    T[1, 3, 0] = 0.1
+    with pytest.raises(ConfigurationError, match="poses: number 1 is no rigid motion"):
+        plan_path(form, T)
+
+
 def test_the_best_of_the_placements_that_are_tried_is_taken():
     tried = {}
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -180,11 +181,13 @@ def test_families_that_were_not_looked_at_are_named() -> None:
 
 def test_bad_arrays() -> None:
     arm, form = arm_of("ur5"), closed("ur5")
+    wide = replace(form, arm=replace(form.arm, upper=form.arm.upper + 1))
     for shape, t, options, error, said in (
         ((0, 6), None, {}, ConfigurationError, "no sample"),
         ((4, 7), None, {}, ConfigurationError, r"Q needs 6 values .*got 7"),
         ((2, 6), [1.0, 0.5], {}, OptionError, "ascend"),
-        ((2, 6), None, {"forms": closed("puma560")}, OptionError, "other joints"),
+        ((2, 6), None, {"forms": closed("puma560")}, OptionError, "joints of 'puma560'"),
+        ((2, 6), None, {"forms": wide}, OptionError, "another arm: upper of"),
         ((2, 6), None, {"near": -1.0}, OptionError, "near"),
     ):
         with pytest.raises(error, match=said):

@@ -129,7 +129,7 @@ def zones_command(
         return not (is_of_tip(arm, name) or arm.prismatic[arm.space.index(name)])
 
     def number(name: str, text: str) -> float:
-        value = parse_numbers(text, f"--within {name}", deg and turns(name))[0]
+        (value,) = parse_numbers(text, f"--within {name}", deg and turns(name))
         return math.radians(value) if deg and turns(name) else value
 
     parts = parts_of(",".join(within), number) if within else None

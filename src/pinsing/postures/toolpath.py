@@ -1362,6 +1362,7 @@ def rigid_motions(poses: ArrayLike, name: str) -> Array:
     R = T[:, :3, :3]
     off = np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
     bad = ~np.isfinite(T).all(axis=(1, 2)) | ~(off < 1e-6) | ~(np.linalg.det(R) > 0)
+    bad |= ~np.isclose(T[:, 3], [0, 0, 0, 1]).all(axis=1)
     if bad.any():
         raise ConfigurationError(f"{name}: number {int(bad.argmax())} is no rigid motion")
     return T

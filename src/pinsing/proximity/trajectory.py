@@ -17,7 +17,7 @@ from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge, check_speeds
 from pinsing.measures import ROUNDING, Array, ArrayLike, Bool
 from pinsing.prose import LISTED, listed, one_line
-from pinsing.proximity.clearance import Forms, metric_note, titled, watch
+from pinsing.proximity.clearance import Forms, forms_of, metric_note, titled, watch
 from pinsing.proximity.crossings import (
     Approach,
     Crossing,
@@ -655,12 +655,9 @@ def check_trajectory(
     """
     OptionError.refuse_if(not near > 0, f"near must be positive, got {near!r}")
     check_speeds(tip_speed, turn_speed)
-    given = form_to_measure(arm) if forms is None else forms
+    given = forms_of(arm, forms, form_to_measure)
     watched = watch(given, families)
     every = watched if families is None else watch(given)
-    OptionError.refuse_if(
-        watched.joints != arm.joints, "the closed form is of an arm with other joints"
-    )
     watched.require_angle(near, "near")
     table = columns_of(Q, arm.joints, "Q")
     samples = table if isinstance(table, np.ndarray) else np.asarray(table, dtype=float)

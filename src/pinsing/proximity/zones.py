@@ -434,6 +434,7 @@ def parts_of(
         name = " ".join(name.split())
         if found and not dots:
             raise OptionError(f"within {part.strip()}: write JOINT=A..B, such as q3=40..140")
+        OptionError.refuse_if(found and name in out, f"within: {name} has two ranges")
         try:
             out[name] = (numbers(name, low), numbers(name, high)) if found else None
         except ValueError:
@@ -465,6 +466,10 @@ class Region:
         self.upper = np.where(arm.prismatic, arm.upper, np.pi)
         self.tip = np.outer([-np.inf, np.inf], np.ones(3))
         ranges = {name: ends for name, ends in parts.items() if ends is not None}
+        joints = [arm.space.index(name) for name in ranges if not is_of_tip(arm, name)]
+        OptionError.refuse_if(
+            len({*joints}) < len(joints), f"within {listed([*ranges])}: a joint has two ranges"
+        )
         words = [name for name, ends in parts.items() if ends is None]
         self.words: tuple[str, ...] = ()
         if "limits" in words and what == "within":
