@@ -270,6 +270,12 @@ def test_points_of_equations_that_are_not_singular_are_none_of_a_family() -> Non
     assert 0.9 < through.approaches[0].upper <= 1
     into = pinsing.check_trajectory(form.loaded, [q, q - np.eye(6)[4]], forms=form)
     assert [c.kind for c in into.crossings] == ["crossing"]
+    # Along a zero of the equations that singular configurations are on as well.
+    along = dataclasses.replace(wrist, branches=(Branch((JointValue(0, 0.0, False),), ()),))
+    form = dataclasses.replace(form, families=(along,))
+    (met,) = pinsing.proximity.crossings(form, [q, q - 1.5 * np.eye(6)[4]])
+    assert met.kind == "along"
+    assert not pinsing.proximity.crossings(form, [q, q - 0.5 * np.eye(6)[4]])
 
 
 def test_what_is_of_the_nominal_design_says_so() -> None:

@@ -308,12 +308,13 @@ def crossings_of(watched: Watched, motion: Motion) -> Crossings:
         first = np.array([item[0] for item in found])
         last = np.array([item[1] for item in found])
         Q, begin, end = motion.at(first), motion.time(first), motion.time(last)
-        for (_, _, f, kind), q, b, e in zip(found, Q, begin, end, strict=True):
-            confirm = watched.families[f].confirm
-            # Zeros of the equations at which the arm is not even near-singular are none of it.
-            if confirm is not None and ratios(confirm.arm, q[None])[0] > NEAR_RTOL:
-                continue
+        for (u, to, f, kind), q, b, e in zip(found, Q, begin, end, strict=True):
             long = kind == "along" or (kind == "touch" and e > b)
+            if (confirm := watched.families[f].confirm) is not None:
+                # Zeros of the equations at which the arm is not even near-singular are none of it.
+                some = motion.at(np.linspace(u, to, 100 if long else 1))
+                if (ratios(confirm.arm, some) > NEAR_RTOL).all():
+                    continue
             until = min(float(e), float(motion.t[-1])) if long else float(b)
             family = watched.families[f]
             said = family.title, family.where(q)
@@ -681,14 +682,15 @@ class Passage:
             return None
         upper, t, q = min(found, key=lambda x: (round(x[0], 9), x[1]))
         nearest = nearest_points(conditions, q[None], *watched.families[f].limits, _SEARCH)
-        upper = min(upper, float(nearest.upper[0]))
+        upper, there = min(upper, float(nearest.upper[0])), nearest.q[0]
         if not owned(watched.families[f], nearest.q)[0]:
-            upper = distance_to(watched.families[f], q, conditions, _SEARCH).upper
+            own = distance_to(watched.families[f], q, conditions, _SEARCH)
+            upper, there = own.upper, own.q
         least = max(0.0, min(float(self._least[f]), upper))
         outside = "family" if watched.families[f].is_reachable is False else ""
         if not outside:
-            moved = np.abs(nearest.q[0] - q) > ROUNDING
-            outside = "point" * bool((watched.space.unreachable(nearest.q[0]) & moved).any())
+            moved = np.abs(there - q) > ROUNDING
+            outside = "point" * bool((watched.space.unreachable(there) & moved).any())
         return Approach(name, t, q, upper, least, title, outside)
 
 
