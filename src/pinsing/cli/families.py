@@ -33,6 +33,7 @@ from pinsing.cli.options import (
     argument,
     arm_options,
     at_joint,
+    by_joint,
     chosen_for,
     command,
     deg_option,
@@ -319,8 +320,16 @@ def _steps(text: str, option: str, degrees: bool | None) -> Any:
         not all(name.strip() and equals for name, equals, _ in parts),
         f"{option} {text!r} is not of the form 9 or A=9,B=5",
     )
-    found = {name.strip(): whole_number(number, option) for name, _, number in parts}
-    return lambda arm: dict(zip(joint_names(arm, found), found.values(), strict=True))
+    found = [(name.strip(), whole_number(number, option)) for name, _, number in parts]
+
+    def each(arm: Arm) -> dict[str, int]:
+        joints = joint_names(arm, [name for name, _ in found])
+        OptionError.refuse_if(
+            len({*joints}) < len(joints), f"{option} {text!r} names a joint twice"
+        )
+        return dict(zip(joints, (number for _, number in found), strict=True))
+
+    return each
 
 
 @command("map", mechanism=map_loops)
@@ -385,7 +394,7 @@ def map_command(
         count=count,
         steps=steps,
         joints=None if map_joints is None else joint_names(arm, map_joints),
-        ranges=dict(at(arm) for at in ranges) or None,
+        ranges=by_joint(arm, ranges, "--range") or None,
         q=q,
         worst=worst,
         chunk=chunk,

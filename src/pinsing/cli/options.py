@@ -568,6 +568,13 @@ def _joint_at(
     return arm.joints[j], tuple(map(math.radians, numbers) if turns else numbers)
 
 
+def by_joint(arm: Arm, typed: Iterable[Callable[[Arm], Any]], option: str) -> dict[str, Any]:
+    """Return what was typed for an option `at_joint`, by joint; refuse two of one joint."""
+    found = [at(arm) for at in typed]
+    OptionError.refuse_if(len(dict(found)) < len(found), f"{option} is given twice for one joint")
+    return dict(found)
+
+
 def chosen_for(arm: Arm, **options: Any) -> dict[str, Any]:
     """Return the options that were given, those that need the arm called with it."""
     given = ((name, value) for name, value in options.items() if value is not None)
@@ -672,10 +679,10 @@ class GroupedCommand(click.Command):
             times = sum(word.partition("=")[0] in p.opts for word in args)
             OptionError.refuse_if(
                 # Of two configurations none is dropped silently; of other values the last counts.
-                p.opts[0] in ("--q", "--to")
+                {"--q", "--to", "--nominal-q"} & {*p.opts}
                 and not (p.multiple or ctx.resilient_parsing)
                 and times > 1,
-                f"{p.opts[0]} was given {times} times; {ctx.info_name} takes one",
+                f"{' or '.join(p.opts)} was given {times} times; {ctx.info_name} takes one",
             )
             if {*p.opts} & {*args} and {*p.secondary_opts} & {*args}:
                 raise OptionError(f"{p.opts[0]} and {p.secondary_opts[0]} exclude each other")

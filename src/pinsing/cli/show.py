@@ -26,6 +26,7 @@ from pinsing.cli.options import (
     argument,
     arm_options,
     at_joint,
+    by_joint,
     command,
     deg_option,
     follow_option,
@@ -245,7 +246,7 @@ def plot_command(
     off_screen()
     vectors = [values(arm) for values in configurations]
     q = vectors[0] if vectors else None
-    held = {joint: value for joint, (value,) in (typed(arm) for typed in fixed)}
+    held = {joint: value for joint, (value,) in by_joint(arm, fixed, "--fixed").items()}
     shown = _families(arm, only) if only else None
     degrees = in_degrees(deg)
     plane: dict[str, Any] = {"q": q, "ignore_limits": ignore_limits, "degrees": degrees}
