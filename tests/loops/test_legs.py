@@ -169,6 +169,14 @@ def test_leg_lengths_at_which_the_lines_meet_are_on_the_locus(seed, tmp_path):
         assert (len(one.values), one.degree(one.names)) == (455, 24)
 
 
+def test_mirrored_poses_of_points_in_lines_are_on_no_locus(tmp_path):
+    """With one orientation and the same lengths, but apart; where the lines are parallel."""
+    base, platform = (np.outer(row, [1.0, 0.0]) for row in ((0, 0.4, 1), (-0.2, 0.1, 0.3)))
+    (found,) = input_loci(planar(tmp_path, Way("rpr", base=base, platform=platform)))
+    for angle in (0.0, np.pi):
+        assert relative(found, lengths(base, platform, np.array([0.3, 0.5]), angle)) > 1e-6
+
+
 def poses_by_scanning(base, platform, rho):
     """Sign changes of what the third distance misses, over the two branches of the other two."""
     count = 0
