@@ -602,8 +602,9 @@ def certified(watched: Watched, Q: Array, options: SearchOptions) -> tuple[Clear
         if not owned(watched.families[family[i]], points[i : i + 1])[0]:
             each = zip(watched.families, watched.each, strict=True)
             known = [distance_to(f, Q[i], conditions, options) for f, conditions in each]
-            family[i] = k = int(np.argmin([d.upper for d in known]))
+            k = int(np.argmin([d.upper for d in known]))
             upper[i], points[i] = known[k].upper, known[k].q
+            family[i] = k if np.isfinite(upper[i]) else -1
     bounds = np.minimum(least, upper), upper, family
     return _clearance(watched, Q, *bounds, True, options.within_limits), points
 
