@@ -285,6 +285,16 @@ def test_next_to_the_wrist_singularity_a_solution_is_found_and_flagged(q5):
         assert gaps(arm, found, q) < 1e-6
 
 
+@pytest.mark.parametrize("name", ["puma560", "irb1400"])
+def test_nearly_straight_wrists_are_found(name):
+    """Closed solutions of such poses are of least squares only."""
+    arm, rng = arm_of(name), np.random.default_rng(0)
+    Q = arm.space.sample(8, rng, True)
+    Q[:, 4] = 10 ** rng.uniform(-12, -7, len(Q))
+    for q in Q:
+        assert min(abs(s.q[4]) for s in pinsing.inverse(arm, pose_of(arm, q))) < 1e-6
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("e", [3e-3, 1e-3, 1e-4])
 def test_reachable_is_not_called_out_of_reach(e):

@@ -124,6 +124,16 @@ class Solver:
             "singular configurations: there may be a solution there"
         )
 
+    def beside(self, rng: np.random.Generator) -> Array:
+        """Return starts (200 K, n) along motions of K stalled ones that leave the tip at rest."""
+        ends = self._stalled[:4, :-1]
+        still = np.zeros_like(ends)
+        still[:, self.free] = np.linalg.svd(self.linear(ends)[1])[2][:, -1] / self.weight
+        still /= np.maximum(np.abs(still).max(axis=1, keepdims=True), 1e-300)
+        turns = np.linspace(-np.pi, np.pi, 200, endpoint=False)[:, None]
+        Q = (ends[:, None] + turns * still[:, None]).reshape(-1, self.arm.n)
+        return Q + 1e-3 * rng.normal(size=Q.shape)
+
     def _descend(self, Q: Array) -> tuple[Array, Array]:
         damping = np.full(len(Q), 1e-2)
         error, J = self.linear(Q)
@@ -647,13 +657,15 @@ def inverse(
             f"meet: {need} (joints: {', '.join(arm.joints)})"
         )
     solver, rng = Solver(arm, position, rotation, held), np.random.default_rng(seed)
-    found, alone = FoundSolutions(solver), free == arm.n
+    found, alone, rough = FoundSolutions(solver), free == arm.n, np.empty((0, arm.n))
     first, known = starts, -1
     robot = decomposed(arm) if alone and arm.task.name == "pose" else None
     if robot is not None:
         turned = np.eye(3) if rotation is None else rotation
         _, said, (answer,) = robot(homogeneous(position, turned)[None])
-        said = said[~np.array(answer.is_LS, dtype=bool)]  # in the sense of least squares only
+        inexact = np.array(answer.is_LS, dtype=bool)
+        # In the sense of least squares only: next to a singular wrist all of its solutions are.
+        rough, said = said[inexact], said[~inexact]
         found.add(*solver.solve(said))
         if len(said) == len(found.met) and found.clear():
             # Share of the random starts that check solutions by EAIK: one in so many.
@@ -665,7 +677,10 @@ def inverse(
     count = first
     while made < most:
         Q = drawn(solver, count, rng, found.lacking)
-        found.add(*solver.solve(Q, remember=True))
+        found.add(*solver.solve(np.concatenate([rough, Q]), remember=True))
+        if len(rough):
+            found.add(*solver.solve(solver.beside(rng)))
+            rough = rough[:0]
         made += count
         nothing = not len(found.met) and made >= starts
         if len(found.met) == known or nothing or found.settled():
@@ -689,13 +704,19 @@ def inverse(
         fixed={arm.joints[j]: float(held[j]) for j in np.flatnonzero(~np.isnan(held))},
         solutions=solutions,
         starts=made,
-        doubt="" if full or len(found.met) == known else _doubt(found, solutions, made),
+        doubt="" if full else _doubt(found, solutions, made, len(found.met) == known),
         notes=tuple(notes),
     )
 
 
-def _doubt(found: FoundSolutions, solutions: tuple[InverseSolution, ...], made: int) -> str:
+def _doubt(
+    found: FoundSolutions, solutions: tuple[InverseSolution, ...], made: int, known: bool
+) -> str:
     """What speaks against that these are all, from ``made`` starts; empty where nothing does."""
+    # Of solutions ``known`` in closed form only starts that stalled tell that others are missing.
+    stalled = found.solver.doubt(np.array([s.q for s in solutions]).reshape(-1, found.arm.n))
+    if known:
+        return stalled
     singular = sum(not s.regular for s in solutions)
     if singular > 1:  # there may be a curve of them
         return (
@@ -713,7 +734,7 @@ def _doubt(found: FoundSolutions, solutions: tuple[InverseSolution, ...], made: 
             f"{rare} of them {'was' if rare == 1 else 'were'} met fewer than {ENOUGH} times "
             f"in {made} starts: others may have been missed"
         )
-    return found.solver.doubt(np.array([s.q for s in solutions]).reshape(-1, found.arm.n))
+    return stalled
 
 
 def _held(arm: Arm, fixed: Mapping[str, float]) -> Array:
