@@ -264,6 +264,7 @@ def test_points_of_equations_that_are_not_singular_are_none_of_a_family() -> Non
     quick, sure = (pinsing.clearance(form, q, certify=certify) for certify in (False, True))
     assert quick.lower == sure.lower == pytest.approx(0.1)
     assert quick.upper == pinsing.Monitor(form).update(q).upper == np.inf
+    assert "zero at regular configurations too" in str(quick)
     assert 0.9 <= sure.upper < 0.91
     through = pinsing.check_trajectory(form.loaded, [q, q + 0.2 * np.eye(6)[4]], forms=form)
     assert not through.crossings

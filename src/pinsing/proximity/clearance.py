@@ -554,8 +554,8 @@ def clearance(
 
 def quick(watched: Watched, Q: Array, within_limits: bool = False) -> Clearance:
     """Two-sided bounds in closed form at Q (N, n)."""
+    sure = np.array([all_own(f) for f in watched.families], dtype=bool)
     if not within_limits:
-        sure = np.array([all_own(f) for f in watched.families], dtype=bool)
         found = two_sided(watched.conditions, Q, each=not sure.all())
         lower, upper, family = found.lower, found.upper, found.family
         if not sure.all():
@@ -570,7 +570,11 @@ def quick(watched: Watched, Q: Array, within_limits: bool = False) -> Clearance:
         upper = np.full(len(Q), np.inf)
         family = least.argmin(axis=1) if least.shape[1] else np.full(len(Q), -1)
         family = np.where(np.isfinite(lower), family, -1)
-    return _clearance(watched, Q, lower, upper, family, False, within_limits)
+    clear = _clearance(watched, Q, lower, upper, family, False, within_limits)
+    if within_limits or sure.all():
+        return clear
+    said = "some families' equations may be zero at regular configurations too: upper bounds "
+    return replace(clear, notes=(*clear.notes, said + "count the others, unless certified"))
 
 
 def nearest_family(
