@@ -582,8 +582,8 @@ def inverse(
 ) -> InverseSolutions:
     """Find all inverse solutions of a pose.
 
-    Arms that EAIK knows are solved by it (see the module); random starts then only
-    check that.
+    Arms that EAIK knows are solved by it (see the module), and next to a singular wrist by starts
+    beside what it has in the sense of least squares; random starts then only check that.
 
     Otherwise, damped Newton steps (Levenberg, 1944; Marquardt, 1963) from random starts, all at
     once. The starts are doubled until every solution was met several times, since one that is met
