@@ -1,5 +1,6 @@
 """The command line, within the process of the test; and Python in one of its own."""
 
+import re
 import subprocess
 import sys
 import time
@@ -10,10 +11,27 @@ from click.testing import CliRunner, Result
 
 from pinsing.cli.app import command
 
+# What is different elsewhere, or the next time, in what is said.
+_VARIES = (
+    (r"\d[\d.]* ms\b", "# ms"),
+    (r"\d\.?\d*e-1[5-9]\b", "#e-16"),
+    (r"\((avx512|avx2|baseline)\)|engine \w+$", "(engine)"),
+    (r"(already: )/.*/|(?<=Error: )/.*/", r"\1.../"),
+    (r"sha256:\w+|(?<=pinsing )\d+\.\d+\.\d+", "#"),
+    (r"^pinsing: .*\u2026\n?", ""),  # a line of progress, on a slow machine
+)
+
 
 def run(*words: object) -> Result:
     """Run `pinsing WORDS`."""
     return CliRunner().invoke(command, [*map(str, words)], prog_name="pinsing")
+
+
+def settled(text: str) -> str:
+    """What is said, with marks in place of what varies."""
+    for pattern, mark in _VARIES:
+        text = re.sub(pattern, mark, text, flags=re.MULTILINE)
+    return text
 
 
 def python(*words: object, **more: Any) -> subprocess.CompletedProcess[str]:

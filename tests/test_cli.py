@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import shlex
 import signal
 import stat
@@ -12,7 +11,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 from arms import URDF
-from command_line import python, run, started
+from command_line import python, run, settled, started
 from kernel import needs_kernel
 from tiers import sampled, tiered
 from urdf_texts import LIMIT, XACRO, joint, robot
@@ -349,14 +348,6 @@ FOLDER = Path(__file__).parent / "words"
 NAMES = sorted(path.stem for path in FOLDER.glob("*.txt"))
 _LINES = 14
 """Of each answer: its first screen."""
-_VARIES = (
-    (r"\d[\d.]* ms\b", "# ms"),
-    (r"\d\.?\d*e-1[5-9]\b", "#e-16"),
-    (r"\((avx512|avx2|baseline)\)|engine \w+$", "(engine)"),
-    (r"(already: )/.*/", r"\1.../"),
-    (r"sha256:\w+|(?<=pinsing )\d+\.\d+\.\d+", "#"),
-    (r"^pinsing: .*\u2026\n?", ""),  # a line of progress, on a slow machine
-)
 
 
 def said(line: str) -> str:
@@ -367,9 +358,7 @@ def said(line: str) -> str:
     answer = done.stdout.splitlines()
     lines = answer[:_LINES] + ["..."] * (len(answer) > _LINES) + done.stderr.splitlines()
     text = "\n".join([line, *lines, *[f"exit {done.exit_code}"] * bool(done.exit_code)])
-    for pattern, mark in _VARIES:
-        text = re.sub(pattern, mark, text, flags=re.MULTILINE)
-    return text.rstrip()
+    return settled(text).rstrip()
 
 
 @pytest.mark.parametrize("name", tiered(NAMES, {*NAMES} - {"check", "families", "line"}))

@@ -294,6 +294,7 @@ def told_what_belongs(name, parameter, value):
         return
     error = wrong(name, parameter, value)
     assert isinstance(error, ArgumentError)
+    assert isinstance(error, TypeError)
     assert error.argument == parameter
     assert MADE[parameter] in str(error)
 

@@ -14,7 +14,7 @@ from dh_arms import dh_arm
 from tiers import sampled, tiered
 
 from pinsing.algebra.budget import Stages
-from pinsing.errors import ConfigurationError, OptionError
+from pinsing.errors import ConfigurationError
 from pinsing.families import closed_form
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.refine import refine, refine_many
@@ -102,21 +102,6 @@ def test_stopped_sweep_keeps_what_is_done():
     assert not found.sweep_complete
     assert found.complete
     assert "stopped before its end" in str(found)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"geometry": "both of them"}, "geometry must be"),
-        ({"random_starts": -1}, "random_starts"),
-        ({"seconds": 0}, "seconds must be positive"),
-        ({"angle_tol": 2.0}, "angle_tol"),
-        ({"snap_length": -1.0}, "snap_length"),
-    ],
-)
-def test_bad_options(options, message):
-    with pytest.raises(OptionError, match=message):
-        analyze(load("planar3r"), **options)
 
 
 @pytest.fixture(scope="module")
@@ -366,14 +351,6 @@ def test_same_seed_same_answer_and_json():
     assert one.to_json() == two.to_json()
     assert Generalization.from_json(one.to_json()).to_json() == one.to_json()
     assert texts(arm, q, seed=6) == {str(c) for c in one.conditions}
-
-
-def test_wrong_input():
-    arm = arms.textbook("stanford")
-    with pytest.raises(OptionError, match="samples"):
-        generalize(arm, [0.3, 0.0, 0.3, 0.7, 0.9, 0.2], samples=0)
-    with pytest.raises(ConfigurationError, match="needs 6 values"):
-        generalize(arm, [0.0])
 
 
 def test_value_text():
