@@ -168,7 +168,7 @@ def unmet(form: pinsing.ClosedForm, paths: int, rng: np.random.Generator) -> tup
         away *= rng.uniform(0.2, 1.2, (len(middle), 1)) / np.linalg.norm(away, axis=1)[:, None]
         ends = np.stack([middle - away, middle + away])
         flat = ends.reshape(-1, arm.n)
-        design_each = two_sided(watch(form).conditions.plain, flat, each=True).each
+        design_each = two_sided(watch(form).conditions.zeros, flat, each=True).each
         margin = watch(form).margin
         assert margin is not None
         beyond = margin.take_off(flat, design_each).min(axis=1) > 0

@@ -75,7 +75,7 @@ def components(form: ClosedForm) -> tuple[list[object], list[object]]:
     The others are families whose equations are stated together with the rank (``Family.confirm``),
     and what was left out since it has no real point.
     """
-    stated = [f for f in form.families if f.confirm is None or f.confirm.touching]
+    stated = [f for f in form.families if not f.also_regular]
     by_rank = [c for f in form.families if f not in stated for c in f.components]
     return [c for f in stated for c in f.components], by_rank + list(form.left_out)
 

@@ -258,7 +258,9 @@ def test_points_of_equations_that_are_not_singular_are_none_of_a_family() -> Non
     wrist = form["wrist"]
     decoy = Branch((JointValue(4, 1.0, False),), ())
     own = OwnPoints(form.loaded)
-    wrist = dataclasses.replace(wrist, branches=(*wrist.branches, decoy), confirm=own)
+    wrist = dataclasses.replace(
+        wrist, branches=(*wrist.branches, decoy), confirm=own, also_regular=True
+    )
     form = dataclasses.replace(form, families=(wrist,))
     q = np.array([0, -1.2, 1.3, -1, 0.9, 0])
     quick, sure = (pinsing.clearance(form, q, certify=certify) for certify in (False, True))
@@ -266,6 +268,20 @@ def test_points_of_equations_that_are_not_singular_are_none_of_a_family() -> Non
     assert quick.upper == pinsing.Monitor(form).update(q).upper == np.inf
     assert "zero at regular configurations too" in str(quick)
     assert 0.9 <= sure.upper < 0.91
+    spread = pinsing.sampling.sigma_map(
+        form.loaded, count=128, measure="clearance", forms=form
+    ).clearance
+    assert spread.upper.smallest.value == np.inf
+    both = dataclasses.replace(form, families=(wrist, closed("ur5")["elbow"]))
+    quick = pinsing.clearance(both, q)
+    assert quick.upper == pinsing.Monitor(both).update(q).upper == pytest.approx(1.3, abs=0.05)
+    read = pinsing.ClosedForm.from_json(form.to_json())
+    assert pinsing.clearance(read, q).upper == np.inf
+    assert pinsing.clearance(read, q, certify=True).upper == np.inf
+    with pytest.raises(pinsing.PinsingError, match="only the arm tells"):
+        read.families[0].contains(q)
+    with pytest.raises(pinsing.PinsingError, match="only the arm tells"):
+        read.families[0].sample(1, np.random.default_rng(0))
     through = pinsing.check_trajectory(form.loaded, [q, q + 0.2 * np.eye(6)[4]], forms=form)
     assert not through.crossings
     assert 0.9 < through.approaches[0].upper <= 1

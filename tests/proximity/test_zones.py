@@ -215,7 +215,7 @@ def test_what_is_cut_off_boxes_is_within_zones(monkeypatch, name):
     Q = C + R * rng.uniform(-1, 1, C.shape)
     cut = (np.abs(Q - c) > r).any(axis=1)
     assert cut.any()
-    near = two_sided(search.watched.conditions.plain, Q[cut], each=True).each[..., 0]
+    near = two_sided(search.watched.conditions.zeros, Q[cut], each=True).each[..., 0]
     assert (near <= kept + 1e-9).any(axis=1).all()
 
 
@@ -226,7 +226,7 @@ def test_long_equations_are_reached_and_never_too_near(monkeypatch):
     cells = zone_search._Cells.first(Q, 0 * Q, len(search.each))
     search._follow(cells)
     search._begin_elsewhere(cells)
-    low = two_sided(watch(form).conditions.plain, Q, each=True).each[..., 0]
+    low = two_sided(watch(form).conditions.zeros, Q, each=True).each[..., 0]
     up = search._upper(cells)[0]
     assert np.isfinite(up).all()
     true = pinsing.clearance(form, Q[:100], certify=True, boxes=2000)
@@ -238,7 +238,7 @@ def test_long_equations_are_reached_and_never_too_near(monkeypatch):
 @pytest.mark.parametrize("name", ["panda", "ur5", "gofa5"])
 def test_points_are_as_near_to_families_as_bounds_say(name):
     form = pinsing.closed_form(pinsing.load(name), prove=False)
-    conditions = watch(form).conditions.plain
+    conditions = watch(form).conditions.zeros
     Q = np.random.default_rng(9).uniform(-np.pi, np.pi, (300, form.loaded.n))
     found = two_sided(conditions, Q, each=True, points=True)
     assert (found.each <= two_sided(conditions, Q, each=True).each + 1e-12).all()

@@ -29,7 +29,7 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -206,6 +206,8 @@ class Conditions:
     norm: str = "euclidean"  # "euclidean" or "max"
     # what is taken off lower bounds, for them to be about a robot whose design has the families
     margin: Margin | None = None
+    # (F,): whether all zeros of a family are its points; upper bounds are of such. None: of all
+    sure: Bool | None = None
 
     @property
     def n(self) -> int:
@@ -213,9 +215,9 @@ class Conditions:
         return len(self.weight)
 
     @cached_property
-    def plain(self) -> Conditions:
-        """The same without a margin."""
-        return replace(self, margin=None)
+    def zeros(self) -> Conditions:
+        """The same of all zeros, without a margin."""
+        return replace(self, margin=None, sure=None)
 
     @cached_property
     def sums(self) -> tuple[TrigSum, ...]:
@@ -603,14 +605,17 @@ def two_sided(
     X = conditions.scaled(Q)
     handle = conditions.compiled if compiled else None
     N, F = len(X), conditions.families
-    margin = conditions.margin
-    if margin is not None:
-        found = two_sided(
-            conditions.plain, Q, each=True, compiled=compiled, threads=threads, isa=isa
-        )
+    margin, sure = conditions.margin, conditions.sure
+    if margin is not None or sure is not None:
+        ask = partial(two_sided, compiled=compiled, threads=threads, isa=isa, points=points)
+        found = ask(conditions.zeros, Q, each=True)
         family = _nearest(found.each)[2]
-        found.each[..., 0] = margin.take_off(Q, found.each)
-        return replace(found, lower=found.each[..., 0].min(axis=1, initial=np.inf), family=family)
+        if sure is not None:
+            found.each[:, ~sure, 1] = np.inf
+        if margin is not None:
+            found.each[..., 0] = margin.take_off(Q, found.each)
+        lower, upper, _ = _nearest(found.each)
+        return replace(found, lower=lower, upper=upper, family=family)
     if handle is not None:
         count = 1 if N < 4096 else threads or engine.cpu_count()
         how = each, points, isa or engine.isa_names()[-1], count
@@ -736,8 +741,8 @@ def nearest_points(
         # What is within the limits may be near to points of conditions that are not.
         off = min(max(margin.meeting, margin.near), 2 * np.pi) / conditions.weight
         limits = lower - off, upper + off
-        plain = nearest_points(conditions.plain, Q, *limits, options, compiled=compiled)
-        each = two_sided(conditions.plain, Q, each=True, compiled=compiled).each
+        plain = nearest_points(conditions.zeros, Q, *limits, options, compiled=compiled)
+        each = two_sided(conditions.zeros, Q, each=True, compiled=compiled).each
         each[..., 0] = np.maximum(each[..., 0], plain.lower[:, None])
         least = margin.take_off(Q, each).min(axis=1, initial=np.inf)
         return replace(plain, lower=np.minimum(least, plain.upper))

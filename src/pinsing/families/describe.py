@@ -765,7 +765,7 @@ def describe(
     # that has all is less.
     drawn = draft.confirm is None and any(b.equations for b in draft.branches)
     if drawn and (ratios(exact, found) > 1e-9).any():
-        return describe(group, maker, arm, OwnPoints(exact, touching=True))
+        return describe(group, maker, arm, OwnPoints(exact))
     if not len(found):
         return draft
 
@@ -833,6 +833,7 @@ def stated(group: Sequence[SolvedPiece], maker: PieceMaker, arm: Arm) -> Family:
         length_scale=arm.length_scale,
         components=tuple(p.component for p in group),
         confirm=maker.confirm,
+        also_regular=maker.confirm is not None,
         solved=tuple(dict.fromkeys(form for form in forms if form is not None)),
         arm=arm,
     )

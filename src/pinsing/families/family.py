@@ -17,7 +17,7 @@ import numpy as np
 from pinsing.algebra.components import Component
 from pinsing.algebra.conditions import GAP, Branch, Conditions, SearchOptions, nearest_points
 from pinsing.algebra.equation import PLAIN, Equation, format_angle, latex_symbol
-from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
+from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
 from pinsing.families.at_once import LONG, AtOnce, SolvedFor, long_form, long_ones
 from pinsing.families.zero_set import (
     ROUNDS,
@@ -242,10 +242,12 @@ class Family(JsonResult):
     components : tuple of Component
         The same in exact polynomials of the half-angles; not written to JSON.
     confirm : callable or None
-        Where equations of neighbouring axes hold at regular configurations too (where five of
-        these axes depend on each other): which points of them (N, n) are singular, by the
-        rank. Where equations touch zero (``confirm.touching``): what gives their points all
-        digits. Not written to JSON.
+        Which points (N, n) of equations are singular, by the rank, where these hold at regular
+        configurations too; and what gives points all digits where equations touch zero. Not
+        written to JSON.
+    also_regular : bool
+        Whether equations, those of neighbouring axes or of slices, may hold at regular
+        configurations too. Of a family read from a file nobody knows then which points are its own.
     solved : tuple of SolvedFor
         Its long equations, each solved for a joint that enters once.
     at_once : tuple of AtOnce
@@ -287,6 +289,7 @@ class Family(JsonResult):
     limits_met: tuple[str, ...] = ()
     components: tuple[Component, ...] = field(default=(), repr=False, metadata={"json": False})
     confirm: OwnPoints | None = field(default=None, repr=False, metadata={"json": False})
+    also_regular: bool = field(default=False, metadata={"optional": True})
     solved: tuple[SolvedFor, ...] = field(default=(), metadata={"optional": True})
     at_once: tuple[AtOnce, ...] = field(default=(), metadata={"optional": True})
     arm: Arm | None = field(default=None, repr=False, metadata={"json": False})
@@ -331,6 +334,8 @@ class Family(JsonResult):
         ------
         ConfigurationError
             If q has the wrong length or is not finite.
+        ResultError
+            If the family is ``also_regular`` and was read from a file.
 
         Examples
         --------
@@ -340,6 +345,7 @@ class Family(JsonResult):
         array([ True, False])
         """
         q = self._check(q)
+        self._require_own()
         found = near(self.branches, self.space, q.reshape(-1, self.n), tol, self.confirm)
         return found.reshape(q.shape[:-1])
 
@@ -405,7 +411,7 @@ class Family(JsonResult):
         options = SearchOptions(gap, boxes, within_limits)
         found = distance_to(self, q, self.conditions(weights, norm), options)
         ConfigurationError.refuse_if(
-            found.upper == np.inf and not (within_limits or self.confirm),
+            found.upper == np.inf and not (within_limits or self.also_regular),
             f"family {self.name}: no real point was found on it",
         )
         return found
@@ -543,6 +549,8 @@ class Family(JsonResult):
         ------
         OptionError
             If ``n`` is negative.
+        ResultError
+            As in ``contains``.
 
         Examples
         --------
@@ -555,6 +563,7 @@ class Family(JsonResult):
         whole_number(n, "n", 0, 10_000_000)
         if n == 0 or (within_limits and self.reachability is Reachability.OUTSIDE):
             return np.zeros((0, self.n))
+        self._require_own()
         lower, upper = self.box(within_limits)
         box = (lower, upper) if within_limits else None
         usable = [(b, v) for b in self.branches for v in b.held(self.space, box)]
@@ -625,6 +634,13 @@ class Family(JsonResult):
         if self.limit_tolerance is None:
             return self.lower, self.upper
         return self.lower - self.limit_tolerance, self.upper + self.limit_tolerance
+
+    def _require_own(self) -> None:
+        if self.also_regular and self.confirm is None:
+            raise ResultError(
+                f"family {self.name}: its equations may hold at regular configurations too, and "
+                "which are singular only the arm tells: make the form again with closed_form(arm)"
+            )
 
     def _check(self, q: ArrayLike) -> Array:
         if self.arm is not None:
@@ -855,16 +871,11 @@ def half_angles(families: Iterable[Family]) -> Iterator[str]:
     )
 
 
-def all_own(family: Family) -> bool:
-    """Return whether all points of the equations are known to be singular."""
-    return family.confirm is None or family.confirm.touching
-
-
 def owned(family: Family, points: Array) -> Bool:
     """Return which points (N, n) of the equations are the family's own: singular."""
-    if family.confirm is None or family.confirm.touching:
+    if not family.also_regular:
         return np.ones(len(points), dtype=bool)
-    return family.confirm(points)
+    return np.zeros(len(points), dtype=bool) if family.confirm is None else family.confirm(points)
 
 
 def distance_to(
@@ -878,8 +889,10 @@ def distance_to(
     # Among joint values what was found is the nearest.
     exact = all(not b.equations for b in family.branches)
     distance = Distance(upper, point, exact, upper if exact else float(found.lower[0]), upper)
-    if family.confirm is None or found.family[0] < 0 or owned(family, found.q)[0]:
+    if found.family[0] < 0 or owned(family, found.q)[0]:
         return distance
+    if family.confirm is None:
+        return replace(distance, value=np.inf, q=np.full(family.n, np.nan), upper=np.inf)
     limits = family.limits if options.within_limits else None
     return own_nearest(
         distance, conditions, family.branches, family.space, q, limits, family.confirm

@@ -269,7 +269,7 @@ def _remarks(form: Any, found: Systems, language: str) -> Iterator[str]:
             yield f"  {family.name} is the union of {', '.join(parts)}"
         if not family.real:
             yield "  no real point of it is known"
-        if family.confirm is not None and not family.confirm.touching:
+        if family.also_regular:
             yield "  some solutions may be regular: singular are those at which the rank drops"
         same = known.setdefault(str([*parts.values()]), family.name)
         if same != family.name:

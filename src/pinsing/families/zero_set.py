@@ -427,9 +427,6 @@ class OwnPoints:
     """The singular ones among the points of equations."""
 
     arm: Arm  # the exact one
-    # whether the equations are known to be zero at singular points only: they touch zero there,
-    # which leaves their points half of the digits
-    touching: bool = False
 
     def __call__(self, points: Array) -> Bool:
         """Return which of some points (N, n) are singular."""

@@ -894,7 +894,7 @@ class _Planner:
     def _closest(self, Q: Array) -> tuple[Array, Array]:
         """Bound the clearance of Q (N, n) from above, without a search, from points (N, n)."""
         # Families are no farther from these than the bounds are longer than the ways there.
-        found = two_sided(self.watched.conditions.plain, Q, each=True, points=True)
+        found = two_sided(self.watched.conditions.zeros, Q, each=True, points=True)
         points = found.points / self.watched.conditions.weight
         return found.upper, points[np.arange(len(Q)), found.each[..., 1].argmin(axis=1)]
 

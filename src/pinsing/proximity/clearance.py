@@ -31,7 +31,7 @@ from pinsing.algebra.conditions import (
 )
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.families import Branch, ClosedForm, Family
-from pinsing.families.family import all_own, asked_for, distance_to, owned
+from pinsing.families.family import asked_for, distance_to, owned
 from pinsing.families.solve import closed_form, form_to_measure
 from pinsing.interface import (
     MAX_SEED,
@@ -100,6 +100,8 @@ class Watched:
         """All families as flat arrays."""
         branches = [f.branches for f in self.families]
         made = Conditions.of(branches, self.prismatic, self.weight, self.norm)
+        if any(f.also_regular for f in self.families):
+            made = replace(made, sure=np.array([not f.also_regular for f in self.families]))
         if self.margin is None:
             return made
         return replace(made, margin=replace(self.margin, own=self.regular))
@@ -408,7 +410,7 @@ class Clearance(JsonResult):
         """Gradient (..., n) of ``lower``, by central differences; for barriers and planners.
 
         With ``certified``, that of the distance from the nearest configuration found, which in
-        the norm "max" is another.
+        the norm "max" is another; NaN where none was found.
 
         Raises
         ------
@@ -554,12 +556,9 @@ def clearance(
 
 def quick(watched: Watched, Q: Array, within_limits: bool = False) -> Clearance:
     """Two-sided bounds in closed form at Q (N, n)."""
-    sure = np.array([all_own(f) for f in watched.families], dtype=bool)
     if not within_limits:
-        found = two_sided(watched.conditions, Q, each=not sure.all())
+        found = two_sided(watched.conditions, Q)
         lower, upper, family = found.lower, found.upper, found.family
-        if not sure.all():
-            upper = found.each[:, sure, 1].min(axis=1, initial=np.inf)
     else:
         every = two_sided(watched.conditions, Q, each=True).each
         # Near a family that just misses the limits a robot of that design may be singular.
@@ -571,7 +570,7 @@ def quick(watched: Watched, Q: Array, within_limits: bool = False) -> Clearance:
         family = least.argmin(axis=1) if least.shape[1] else np.full(len(Q), -1)
         family = np.where(np.isfinite(lower), family, -1)
     clear = _clearance(watched, Q, lower, upper, family, False, within_limits)
-    if within_limits or sure.all():
+    if within_limits or watched.conditions.sure is None:
         return clear
     said = "some families' equations may be zero at regular configurations too: upper bounds "
     return replace(clear, notes=(*clear.notes, said + "count the others, unless certified"))
@@ -591,7 +590,8 @@ def nearest_family(
     if doubtful.any():
         all_of_it = np.full(Q.shape[1], np.inf)
         found = nearest_points(conditions, Q[doubtful], -all_of_it, all_of_it, work)
-        upper[doubtful] = np.minimum(upper[doubtful], found.upper)
+        sure = conditions.sure is None or conditions.sure[found.family]
+        upper[doubtful] = np.fmin(upper[doubtful], np.where(sure, found.upper, np.inf))
         family[doubtful] = np.where(found.family < 0, family[doubtful], found.family)
     return family, bounds
 

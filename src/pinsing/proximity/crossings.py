@@ -559,7 +559,7 @@ class Passage:
         self._stretch(motion, u, Q, lower.min(axis=1))
         if end and len(u) > 1:
             f = int(nearest_family(self.watched.conditions, Q[-1:])[0][0])
-            two = two_sided(self.watched.conditions.plain, Q[-2:], each=True).each[:, f, 0]
+            two = two_sided(self.watched.conditions.zeros, Q[-2:], each=True).each[:, f, 0]
             change = float(two[1] - two[0])
             small = 1e-6 * max(float(length[-1]), 1e-12)
             self.trend = "steady" if abs(change) <= small else "away" if change > 0 else "toward"
@@ -621,7 +621,7 @@ class Passage:
         # Lower ones of one sample, less the way to another one, hold there.
         margin, each = (
             self.watched.margin,
-            two_sided(self.watched.conditions.plain, Q, each=True).each,
+            two_sided(self.watched.conditions.zeros, Q, each=True).each,
         )
         self._nearest = np.fmin(self._nearest, each[..., 1].min(axis=0))
         for f, conditions in enumerate(self.watched.each):

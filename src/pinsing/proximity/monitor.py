@@ -31,7 +31,6 @@ from pinsing.algebra.trig_sum import COMBINED
 from pinsing.atomic_write import MEBIBYTE
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
-from pinsing.families.family import all_own
 from pinsing.interface import JsonResult, checked, columns_of, encode, real_numbers
 from pinsing.kinematics.jacobian import fingerprint, frame_jacobians
 from pinsing.kinematics.tip_speed import TURN_SPEED, SpeedJudge, TipSpeeds, limits_of, speed_judge
@@ -324,8 +323,8 @@ class Monitor:
         hold = 1.0 + self.hysteresis
         if self._watched.elsewhere and family < 0:
             lower = float(self._watched.regular((self._x / self._watched.weight)[None])[0])
-        if family >= 0 and not all_own(self._watched.families[family]):
-            upper = math.inf
+        if (conditions := self._watched.conditions).sure is not None:
+            upper = float(two_sided(conditions, (self._x / self._watched.weight)[None]).upper[0])
         level = CLEAR
         if lower <= self.stop or (self.level == STOP and lower <= self.stop * hold):
             level = STOP
@@ -367,7 +366,7 @@ class Monitor:
         middle, half = self._range
         if (np.abs(self._watched.space.wrap(Q[0] - middle)) > half + ROUNDING).any():
             return None
-        low = two_sided(self._watched.conditions.plain, Q, each=True).each[0, :, 0]
+        low = two_sided(self._watched.conditions.zeros, Q, each=True).each[0, :, 0]
         return tuple(np.array(self.names)[(low <= self._zones) & (self._zones > 0)].tolist())
 
     def _take(self, values: Any, name: str, into: Array) -> None:

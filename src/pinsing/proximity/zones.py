@@ -815,7 +815,7 @@ class _Search:
         c, r = self._trimmed(boxes.C, boxes.R, kept)
         x = boxes.moved(c, r)
         reach: Array = np.sqrt((r * weight) ** 2 @ self.used.T)
-        each = two_sided(self.watched.conditions.plain, c, each=True).each
+        each = two_sided(self.watched.conditions.zeros, c, each=True).each
         low, known = each[..., 0], each[..., 1]
         over = self._upper(x, known, reach)[1]
         x.ceiling[:] = np.minimum(np.minimum(x.ceiling, cap), self._objective(k, far, over))
@@ -867,7 +867,7 @@ class _Search:
 
     def _follow(self, x: _Cells, only: int | None = None, share: float = 0.0) -> None:
         """Step from centres, or from a share of the way to points of a family, to nearer ones."""
-        conditions, families = self.watched.conditions.plain, range(len(self.each))
+        conditions, families = self.watched.conditions.zeros, range(len(self.each))
         at = X = x.C * (weight := self.watched.weight)
         if only is not None:
             conditions, families = self.each[only], range(only, only + 1)
@@ -1008,7 +1008,7 @@ class _Search:
         v, w = (
             np.swapaxes(x, 1, 2) @ x for x in (M[:, self.bounds.linear], M[:, ~self.bounds.linear])
         )
-        each = two_sided(self.watched.conditions.plain, Q, each=True).each
+        each = two_sided(self.watched.conditions.zeros, Q, each=True).each
         return np.concatenate([x.reshape(len(Q), -1) for x in (v * v, w * w, v * w, each)], axis=1)
 
     def _measures(self, far: Array) -> tuple[float, float]:
@@ -1048,7 +1048,7 @@ class _Search:
 
     def _outside(self, far: Array, Q: Array, last: int) -> Bool:
         """Whether Q (N, n) are in the region and proven outside the zones, by ``last`` boxes."""
-        each = two_sided(self.watched.conditions.plain, Q, each=True, points=True).each
+        each = two_sided(self.watched.conditions.zeros, Q, each=True, points=True).each
         low, up = each[..., 0], each[..., 1]
         out = np.asarray((low > far).all(axis=1))
         # What only may be outside is looked at closely, some of it.

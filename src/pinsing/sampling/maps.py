@@ -742,7 +742,12 @@ class MapJob(Job):
         values: dict[str, Any] = {"keep_values": self.keep_values}
         if (c := self.conditions) is not None:
             digest = hashlib.sha256(repr(self.names).encode())
-            for name, value in {"families": c.families, **c.flat, "norm": c.norm}.items():
+            for name, value in {
+                "families": c.families,
+                **c.flat,
+                "norm": c.norm,
+                "sure": c.sure,
+            }.items():
                 data = value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode()
                 digest.update(f"{name}:{len(data)};".encode() + data)
             values["clearance"] = digest.hexdigest()
