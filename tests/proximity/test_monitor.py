@@ -7,6 +7,7 @@ import copy
 import json
 import os
 import pickle
+import re
 import signal
 import subprocess
 import threading
@@ -18,6 +19,7 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import python, run, started
+from golden import Golden
 from kernel import needs_kernel
 from singular_sets import Joint, arm_of, build, closed, sliding_equation
 from urdf_texts import LIMIT, chain_text
@@ -79,30 +81,46 @@ def test_lower_is_never_above_the_distance(name: str) -> None:
             assert far.lower <= true.upper[i // 5] + 1e-4  # no other family is nearer
 
 
+def slides() -> pinsing.ClosedForm:
+    """d3^2 + 0.5 d3 cos q2 - 0.3 = 0, made up, in place of the families of the Stanford arm."""
+    form = closed("stanford")
+    family = replace(
+        form.families[0], branches=(Branch((), (sliding_equation(form),)),), length_scale=0.5
+    )
+    return replace(form, families=(family,), arm=replace(form.arm, length_scale=0.5))
+
+
+LOADED = ["ur5", "stanford", "surgical7", "puma560", "z1", "irb1400"]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["ur5", "stanford", "surgical7", "puma560", "z1", "irb1400"])
-def test_time_to_contact_is_that_of_the_first_crossing(name: str) -> None:
-    form = pinsing.closed_form(pinsing.load(name, units="rad"))  # some states are far out
+@pytest.mark.parametrize(
+    ("name", "compiled"), [*((name, True) for name in LOADED), ("slides", True), ("slides", False)]
+)
+def test_time_to_contact_is_that_of_the_first_crossing(name: str, compiled: bool) -> None:
+    if name == "slides":
+        form, (Q, V) = slides(), np.random.default_rng(5).uniform(-1, 1, (2, 60, 6))
+        Q[0], V[0] = 0.4, [99, 0, 0, 99, 99, 99]  # joints that are not in it
+    else:
+        form = pinsing.closed_form(pinsing.load(name, units="rad"))  # some states are far out
+        Q, V = states(name, 60, 1)
     thin = [f for f in form.families if f.codimension == 1]
     single = [f.name for f in thin if len(f.branches[0].equations) <= 1]
-    monitor = pinsing.Monitor(form, families=single, horizon=2.0)
-    Q, V = states(name, 60, 1)
-    met = 0
+    monitor, met = monitor_of(form, compiled, families=single, horizon=2.0), 0
     for q, v in zip(Q, V, strict=True):
         verdict = monitor.update(q, v)
         said = verdict.time_to_contact
         if verdict.lower < 1e-7:
             continue  # met already, to rounding
         found = pinsing.crossings(form, np.stack([q, q + 2.0 * v]), families=single)
-        times = [2.0 * c.t for c in found.events]
-        first = min(times, default=np.inf)
+        first = min((2.0 * c.t for c in found.events), default=np.inf)
         assert said <= first + 1e-9  # never later
         if np.isfinite(said):
             close = pinsing.clearance(form, q + said * v, families=single)
             assert close.lower < 1e-4 * max(1.0, np.abs(v).max())
             met += 1
         else:
-            assert not times
+            assert first == np.inf
     assert met > 10
 
 
@@ -134,29 +152,6 @@ def test_the_same_without_the_compiled_engine(name: str) -> None:
         if a.lower > 1e-9:
             # Many equations for few directions: what solves them is known to less digits.
             assert a.rate == pytest.approx(b.rate, rel=1e-2 if name == "baxter" else 1e-5, abs=1e-6)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("compiled", [True, False])
-def test_prismatic_joints_in_equations(compiled: bool) -> None:
-    """d3^2 + 0.5 d3 cos q2 - 0.3 = 0, made up, in place of the families of the Stanford arm."""
-    form = closed("stanford")
-    branches = (Branch((), (sliding_equation(form),)),)
-    family = replace(form.families[0], branches=branches, length_scale=0.5)
-    form = replace(form, families=(family,), arm=replace(form.arm, length_scale=0.5))
-    monitor = monitor_of(form, compiled, horizon=3.0)
-    assert monitor.update(np.full(6, 0.4), [99, 0, 0, 99, 99, 99]).time_to_contact == np.inf
-    rng, met = np.random.default_rng(5), 0
-    for _ in range(60):
-        q, v = rng.uniform(-1, 1, (2, 6))
-        said = monitor.update(q, v).time_to_contact
-        found = pinsing.crossings(form, np.stack([q, q + 3.0 * v]))
-        first = min((3.0 * c.t for c in found.events), default=np.inf)
-        assert said <= first + 1e-9
-        met += np.isfinite(said)
-        if np.isfinite(first) and np.isfinite(said):
-            assert said == pytest.approx(first, rel=1e-4, abs=1e-6)
-    assert met > 5
 
 
 def test_hysteresis() -> None:
@@ -362,16 +357,14 @@ def line(t, q, **more):
 
 
 NAMES = pinsing.load("ur5").joints
+
+
+def of(q=Q, **more):
+    return json.dumps({"name": [*NAMES], "position": [*q]} | more)
+
+
 HEAD = "t," + ",".join(f"q{k} (deg)" for k in range(1, 7))
 MOVED = [(t, Q + SPEED * t) for t in (0, 0.01)]
-
-
-def test_times_that_jitter_do_not_cost_a_verdict(form):
-    """Differences over them make no sense as speeds: the line is judged without."""
-    on = Q * [1, 1, 1, 1, 0, 1]
-    first, second = said(form, [line(0.0, Q + 0.3), line(0.005, on)])
-    assert (first["level"], second["level"], second["trend"]) == ("clear", "stop", None)
-    assert "error" in said(form, [line(0.0, Q + 0.3), line(1, on, velocity=[90.0] * 6)])[1]
 
 
 @pytest.mark.parametrize(
@@ -395,13 +388,6 @@ def test_a_verdict_says_what_a_monitor_says(form, lines):
     assert last["move"] == {"joint": "wrist_2_joint", "direction": 1}
 
 
-def test_numbers_without_names_are_joints_and_never_times(form):
-    bare, named = said(form, [row(0, Q)[2:], line(0, Q)])
-    assert bare["lower"] == named["lower"]
-    (wrong,) = said(form, [row(0, Q)])
-    assert "7 numbers without names for 6 joints: begin with a line of names" in wrong["error"]
-
-
 @pytest.mark.parametrize("torn", [0, 3, 9, 40, 130, 150, 160, 170, 177, "robot ready", "a,b", "{"])
 def test_a_stream_that_begins_in_the_middle_of_a_line_goes_on(form, torn):
     state = of(t=0.5)
@@ -414,112 +400,52 @@ def test_a_stream_that_begins_in_the_middle_of_a_line_goes_on(form, torn):
     assert last == named
 
 
-@pytest.mark.parametrize("torn", ["", "-", ".2,1.3,-1,0.15,0", "e-05,1.3,-1,0.15,0,0", ",1", "2,1"])
-def test_a_row_that_was_torn_is_no_line_of_names(form, torn):
-    assert said(form, [torn, row(0, Q)[2:]])[-1]["family"] == "F2"
+STREAMS = Golden(Path(__file__).with_name("streams.txt"))
 
 
-def of(q=Q, **more):
-    return json.dumps({"name": [*NAMES], "position": [*q]} | more)
-
-
-def test_a_comment_states_the_unit_of_angles(form):
-    rows = ["# units: degrees", row(0, Q)[2:], of()]
-    expected = said(form, rows[1:], degrees=True)
-    for degrees in (None, True):
-        assert said(form, rows, degrees=degrees) == expected
-    for degrees, comment in ((False, rows[0]), (None, "# units: ticks")):
-        with pytest.raises(HeadError, match="units"):
-            said(form, [comment, of()], degrees=degrees)
-
-
-def test_a_line_may_be_a_list(form):
-    head = ",".join(NAMES[::-1])
-    lists = ["[]", json.dumps(Q.tolist()), head, json.dumps(Q[::-1].tolist())]
-    assert said(form, lists) == said(form, [of()] * 2)
-
-
-def test_times_by_whole_seconds_may_be_milliseconds_and_guessed_names_are_told(form):
-    notes = []
-    follower = Follower(form, form.loaded, False, 0.1, notes.append)
-    table = ["t," + ",".join(f"q{k}" for k in range(1, 7)), *(row(10 * k, Q) for k in range(4))]
-    list(follow(follower, table, False))
-    columns, steps = notes
-    assert "columns: shoulder_pan_joint = 'q1'" in columns
-    assert "times step by 10 s" in steps
+@pytest.mark.parametrize("head", STREAMS.cases)
+def test_what_is_said_of_a_stream(form, head):
+    """Verdicts, errors and notes; angles are in radians but where the head says otherwise."""
+    degrees = {"deg": True, "auto": None}.get(head.rpartition("units=")[2], False)
+    heard = []
+    follower = Follower(form, form.loaded, degrees, np.radians(10), heard.append)
+    try:
+        for found in follow(follower, STREAMS.text(head).splitlines(), False):
+            if "error" in found:
+                at = ", ".join(f"{key} {found[key]}" for key in ("line", "t") if key in found)
+                heard.append(f"{at}: {found['error']}")
+            else:
+                verdict = f"{found['level']}, {found['upper']:.4f} from {found['family']}"
+                if found["time_to_contact"] is not None:
+                    verdict += f", {found['trend']}, contact in {found['time_to_contact']:.4f}"
+                heard.append(f"t {found['t']}: {verdict}")
+    except HeadError as error:
+        heard.append(f"it ends: {error}")
+    STREAMS.hold(head, "\n".join(heard))
 
 
 @pytest.mark.parametrize(
-    ("bad", "words"),
-    [
-        (of([0, -80, 60, -100, 10, 0]), "For degrees add --deg"),
-        (of([0, 0, 80, 0, 0, 0], t=3), "elbow_joint = 80"),
-        (of([1e18, 0, 0, 0, 0, 0]), "shoulder_pan_joint = 1e"),
-        (of([None, 0, 0, 0, 0, 0]), "joint 'shoulder_pan_joint' is null"),
-        (of(["abc", 0, 0, 0, 0, 0]), "joint 'shoulder_pan_joint' is abc"),
-        (of([10**400, 0, 0, 0, 0, 0]), "joint 'shoulder_pan_joint' is 1000"),
-        (of(Q[:5]), "lists of one length"),
-        (of(velocity=[1]), "velocity needs 6"),
-        (of(t="x"), "the time is x"),
-        (of(t=1.7e18), "the time 1.7e+18 is not in seconds"),
-        ("[1", "no column for joint"),
-        (of(name=[f"right_{n}" for n in NAMES]), "'shoulder_pan_joint' in a line before"),
-        (json.dumps({f"{n}_ticks": 1 for n in NAMES}), "'shoulder_pan_joint_ticks' is none: after"),
-        ("\x00\x01" * 100_000, "a column's name has more than 300 characters"),
-        *((of(**{key: "deg"}), f"{key!r} is not read") for key in ("angle_units", "deg", "angles")),
-        ("{", "it is no JSON object, which must be on one line"),
-        (of()[:-1] + ', "position": [1, 1, 1, 1, 1, 1]}', "'position' is there twice"),
-        (of(joint_names=list(NAMES[::-1])), "'joint_names' is not read"),
-        (of(units="deg"), "'units' is not read"),
-        (json.dumps(dict(zip(NAMES, Q.tolist(), strict=True)) | {"unit": "deg"}), "'unit' is not"),
-        (of(junk="x" * (1 << 20)), "a line of more than 1,048,576 characters"),
-        *((bad, "") for bad in ("1,2", '{"t": 1}', '{"position": 3}', "a,b,c,d,e,f,g", "\0")),
-        *((bad, "") for bad in ("nan,0,0,0,0,0", "0,1,2,3,4,5,6", "{}", of([], name=[]))),
-    ],
+    "bad", ["\0", "\x00\x01" * 100_000, of([10**400, 0, 0, 0, 0, 0]), of(junk="x" * (1 << 20))]
 )
-def test_errors_say_the_line_and_the_joint(form, bad, words):
+def test_what_is_long_or_odd_is_said_in_one_line(form, bad):
     _, error, last = said(form, [of(), bad, of()])
     assert error["line"] == 2
-    assert error.get("t") == (3 if "80, 0, 0" in bad and "t" in json.loads(bad) else None)
-    assert words in error["error"]
-    assert "Error" not in error["error"]
+    assert re.search(
+        "no column|than 300 characters|is 1000|than 1,048,576 characters", error["error"]
+    )
     assert "\n" not in error["error"]
     assert last["family"] == "F2"
 
 
-@pytest.mark.parametrize("first", [[], [of()]])
-def test_speeds_in_degrees_are_refused_from_the_first_line_that_has_some(form, first):
-    for error in said(form, first + [of(velocity=[100, 0, 0, 0, 0, 0])] * 2)[len(first) :]:
-        assert "at 100 rad/s" in error["error"]
-
-
-@pytest.mark.parametrize(
-    ("stamp", "t", "unknown"),
-    [
-        ({"sec": 1, "nanosec": 500000000}, 1.5, np.nan),
-        ({"secs": 1, "nsecs": 500000000}, 1.5, None),  # as JSON of rosbridge has it
-        (2.5, 2.5, np.inf),
-    ],
-)
-def test_stamps_of_ros_and_speeds_that_are_not_measured(form, stamp, t, unknown):
-    (one,) = said(form, [of(header={"stamp": stamp}, velocity=[0.0] * 5 + [unknown])])
-    assert (one["t"], one["time_to_contact"]) == (t, None)
-
-
 @pytest.mark.slow
-def test_what_is_no_joint_is_passed_over_once(form):
+def test_what_is_no_joint_is_noted_so_often_at_the_most(form):
     notes = []
     follower = Follower(form, form.loaded, False, 0.1, notes.append)
-    head = "\ufeff" + ",".join([*NAMES[::-1], "gripper"])
-    rows = ["# said", head, row(0, Q[::-1])[2:] + ",open", "# more", row(1, Q[::-1])[2:] + ",open"]
-    table = list(follow(follower, rows, False))
-    each = {f"{n}.pos": x for n, x in zip(NAMES, Q.tolist(), strict=True)} | {"gripper.pos": 1}
-    assert [v["lower"] for v in table] == [said(form, [json.dumps(each)])[0]["lower"]] * 2
-    assert notes == ["note: no positions in 'gripper': not used"]
+    each = {f"{n}.pos": x for n, x in zip(NAMES, Q.tolist(), strict=True)}
     lines = [json.dumps(each | {f"k{k}": 1}) for k in range(2 * BACKLOG)]
     many = json.dumps(each | {f"k{k}": 1 for k in range(50_000)})
     *_, last = follow(follower, [*lines, many], False)
-    assert last["error"] == "the stream: a line of 50,007 columns"
+    assert last["error"] == "the stream: a line of 50,006 columns"
     assert len(notes) == BACKLOG
 
 
@@ -656,16 +582,6 @@ def test_a_stream_that_is_set_not_to_wait_goes_on():
     writer.start()
     with open(end, "rb", buffering=0) as stream:
         assert list(lines_of(stream)) == ["one"]
-
-
-def test_a_second_head_is_taken_or_ends_the_stream(form):
-    near = Q + 0.4 * SPEED
-    rows = [row(0, Q), f"t,{','.join(NAMES[::-1])}", row(0.1, near[::-1])]
-    one, two = said(form, [f"t,{','.join(NAMES)}", *rows])
-    assert (one["level"], two["level"], two["family"]) == ("warn", "stop", "F2")
-    assert two["upper"] == pytest.approx(0.03)
-    with pytest.raises(HeadError, match="give a line of names"):
-        said(form, [f"t,{','.join(NAMES)}", rows[0], "t,a,b,c,d,e,f", rows[0]])
 
 
 @pytest.mark.parametrize(
