@@ -102,54 +102,6 @@ def test_a_broken_number_is_refused_where_it_stands(tmp_path, attribute, how):
     assert reason.get(how, "is not a number") in said
 
 
-REFUSED = [
-    ('<body name="lower"', '<frame><bady name="lower"/></frame><body name="lower"', "<bady>"),
-    ("<geom size", "<gemo size", "<gemo> in <body> is unknown"),
-    ("<option", "<optoin", "<optoin> in <mujoco> is unknown"),
-    ('quat="1', 'qaut="1', "no attribute 'qaut'"),
-    ('ref="30"', 'rfe="30"', "no attribute 'rfe'"),
-    ('zaxis="1 0 0"', 'zaxis="0 0 0"', "has no direction"),
-    ('axis="0 0 2"', 'axis="0 0 0"', "has no direction"),
-    ('quat="1 0 0 0"', 'quat="0 0 0 0"', "has no direction"),
-    ('zaxis="1 0 0"', 'xyaxes="1 0 0 2 0 0"', "has no direction"),
-    ('zaxis="1 0 0"', 'zaxis="1 0 0" euler="0 0 1"', "are both given"),
-    ('zaxis="1 0 0"', 'fromto="0 0 0 0 0 1"', "are both given"),
-    ('type="slide"', 'type="screw"', "unknown type 'screw'"),
-    ('type="slide"', 'type="free"', "only a body of the world"),
-    ('childclass="side"', 'childclass="sides"', "no default class 'sides'"),
-    ('range="-170 170"', 'range="170 -170"', "give the lower limit first"),
-    ('range="-170 170"', 'limited="true"', "give the lower limit first"),
-    ('range="-170 170"', 'limited="maybe"', "must be true or false or auto"),
-    ('ref="30"', 'ref="30" limited="yes"', "must be true or false or auto"),
-    ('angle="degree"', 'angle="degrees"', "must be degree or radian"),
-    ('angle="degree"', 'coordinate="global"', 'only <compiler coordinate="local">'),
-    ('angle="degree"', 'eulerseq="xy"', "must be three of"),
-    ('name="j2"', 'name="j1"', "two joints are named 'j1'"),
-    ('name="hand"', 'name="lower"', "two bodys are named 'lower'"),
-    ('name="hand"', 'name="universe"', "Pinocchio's own"),
-    ('class="side"><', 'class="main"><', "two defaults are of class 'main'"),
-    (' class="side"><', "><", 'no class="..."'),
-    ("<light", '<joint name="w"/><light', "the world cannot move"),
-    ("<geom", '<attach model="m" body="b" prefix="p"/><geom', "<attach> is not supported"),
-    ("<geom", '<composite type="cable"/><geom', "<composite> is not supported"),
-    ("<geom", '<flexcomp name="f"/><geom', "<flexcomp> is not supported"),
-    ("<geom", '<replicate count="2"><body/></replicate><geom', "<replicate> is not supported"),
-    ("<geom", '<include file="../x.xml"/><geom', "outside the folder of the model"),
-    ("<geom", '<include file="/etc/passwd"/><geom', "outside the folder of the model"),
-    ("<geom", '<include file="x.xml"/><geom', "no such file beside the model"),
-    ("<geom", '<include file="arm.xml"/><geom', "included already"),
-    ("<geom", "<include/><geom", 'has no file="..."'),
-    ('<mujoco model="arm">', '<!DOCTYPE m><mujoco model="arm">', "document types"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("old", "new", "said"), REFUSED)
-def test_what_cannot_be_read_is_refused_by_name(tmp_path, old, new, said):
-    found = refused(tmp_path, changed(old, new))
-    assert said in found
-    assert f"arm.xml:{line_of(old)}: " in found
-
-
 SAME = [
     ('pos="0 0 0.2"', 'pos="  0\t0 2e-1 "'),
     ('euler="0 0 90"', 'axisangle="0 0 3 90"'),
