@@ -2,12 +2,14 @@
 
 import functools
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from arms import URDF, place
 from node import ask
+from urdf_text import J, loop_text, written
 
 from pinsing.loops import (
     MechanismAnalysis,
@@ -110,6 +112,11 @@ def four_bar(ground: float, crank: float, coupler: float, rocker: float) -> Mech
     one = ((0.0, 0.0), [("crank", crank), ("coupler", coupler)])
     model = planar_tree({"one": one, "two": ((ground, 0.0), [("rocker", rocker)])})
     return from_model(model, [Loop("one_end", "two_end", "3d")], ["crank"], "two_end", "wz")
+
+
+def assembled(folder: Path, joints: list[J], *loops: Any, **more: Any) -> Mechanism:
+    """One that is written as files, from joints and what its loop file says."""
+    return load_mechanism(written(folder, joints, loop_text(*loops, **more)))
 
 
 def from_model(

@@ -6,6 +6,7 @@ from mechanisms import (
     R2,
     R3,
     analyzed,
+    assembled,
     circles,
     cross,
     four_bar,
@@ -15,7 +16,7 @@ from mechanisms import (
     shipped,
 )
 from tiers import tiered
-from urdf_text import five_bar, loop_text, written
+from urdf_text import five_bar
 
 from pinsing.errors import OptionError, PinsingError
 from pinsing.loops import (
@@ -40,7 +41,7 @@ from pinsing.loops import (
 )
 from pinsing.loops.closure import Loops, gauss_newton, planar_dyad, random_closed
 from pinsing.loops.motion import elbow_sines
-from pinsing.robot.mechanism import Loop, Mechanism, load_mechanism
+from pinsing.robot.mechanism import Loop, Mechanism
 
 MODELS = ("five_bar", "four_bar", "planar_3rrr")
 THIRD = np.pi / 3
@@ -68,7 +69,7 @@ def every() -> list[Mechanism]:
 
 
 def test_jacobians_equal_finite_differences_of_closure_and_position(rng):
-    for mechanism in every():
+    for mechanism in (*every(), shipped("delta"), shipped("rps3")):
         loops = Loops(mechanism)
         for q in random_closed(mechanism, 4, rng):
             G = loops.at(q)[1]
@@ -226,27 +227,20 @@ def test_solve_stops_at_the_type_2_singularity_where_the_mode_ends():
 
 
 @pytest.mark.slow
-def test_infeasible_inputs_say_what_is_feasible():
+def test_feasible_range_equals_the_reach_of_the_rods_and_is_said(rng):
     mechanism = shipped("five_bar")
-    with pytest.raises(InfeasibleError, match=r"do not close at q1 = 1\.0472, q2 = 0\.1") as caught:
-        assemblies(mechanism, [THIRD, 0.1])
-    (interval,) = caught.value.feasible["q2"]
-    assert interval.lower == pytest.approx(0.6270392383, abs=1e-9)
-    assert interval.upper == pytest.approx(2 * np.pi - 2.2363065934, abs=1e-9)
-    assert 0.1 not in interval
-    assert -2.5 in interval
-    assert "q1 in [" in str(caught.value)
-
-
-@pytest.mark.slow
-def test_feasible_range_equals_the_reach_of_the_rods(rng):
-    mechanism = shipped("five_bar")
-    for q1 in rng.uniform(-np.pi, np.pi, 3):
+    for q1 in (THIRD, *rng.uniform(-np.pi, np.pi, 3)):
         found = feasible(mechanism, [q1, 0.0])["q2"]
         for q2 in np.linspace(-np.pi, np.pi, 61):
             gap = abs(2 * R3 + R1 * (np.exp(1j * q2) - np.exp(1j * q1)))
             if abs(gap - 2 * R2) > 1e-3:
                 assert any(q2 in i for i in found) == (gap < 2 * R2)
+    with pytest.raises(InfeasibleError, match=r"do not close at q1 = 1\.0472, q2 = 0\.1") as caught:
+        assemblies(mechanism, [THIRD, 0.1])
+    (interval,) = caught.value.feasible["q2"]
+    ends = 0.6270392383, 2 * np.pi - 2.2363065934
+    assert (interval.lower, interval.upper) == pytest.approx(ends, abs=1e-9)
+    assert "q1 in [" in str(caught.value)
 
 
 def test_3rrr_assemblies_close_and_differ():
@@ -296,8 +290,8 @@ def test_the_size_of_a_linkage_changes_no_finding(size, tmp_path):
     found = []
     for unit in (1.0, size):
         joints = five_bar((-0.5 * unit, 0.5 * unit), unit, 1.2 * unit)
-        text = loop_text([("P1", "P2")], ["q1", "q2"], "P1", "vx, vy", "planar", {"q1": 2, "q2": 1})
-        found.append(analyze_mechanism(load_mechanism(written(tmp_path, joints, text))))
+        said = [("P1", "P2")], ["q1", "q2"], "P1", "vx, vy", "planar", {"q1": 2, "q2": 1}
+        found.append(analyze_mechanism(assembled(tmp_path, joints, *said)))
         assert all(check.passed for check in found[-1].checks)
     small, large = (np.array([p.inputs for p in x.points]) for x in found)
     assert small.shape == (12, 2)

@@ -6,13 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mechanisms import URDF
-from urdf_text import J, X, ball, five_bar, frame, loop_text, written
+from mechanisms import URDF, assembled
+from urdf_text import J, X, ball, five_bar, frame
 
 import pinsing
 from pinsing.errors import JointError, OptionError, RobotFileError
 from pinsing.loops import home
 from pinsing.loops.closure import ranks, residual
+from pinsing.robot.mechanism import Mechanism
 
 
 def four_bar_in_space(weld: bool) -> list[J]:
@@ -30,9 +31,9 @@ def four_bar_in_space(weld: bool) -> list[J]:
 
 @pytest.mark.parametrize("weld", [False, True])
 def test_a_rod_between_two_balls_leaves_one_freedom(weld, tmp_path):
-    loop = [("half", "other_half" if weld else "far_end")]
-    text = loop_text(loop, ["crank"], "far_arm", "wx", "6d" if weld else "3d", {"rocker": 0.6})
-    mechanism = pinsing.load_mechanism(written(tmp_path, four_bar_in_space(weld), text))
+    far, kind = ("other_half", "6d") if weld else ("far_end", "3d")
+    said = [("half", far)], ["crank"], "far_arm", "wx", kind, {"rocker": 0.6}
+    mechanism = assembled(tmp_path, four_bar_in_space(weld), *said)
     assert ranks(mechanism).mobility == 1
     assert any("1 link spins about the own line" in note for note in mechanism.notes)
     assert np.abs(residual(mechanism, home(mechanism))).max() < 1e-10
@@ -71,8 +72,7 @@ def test_a_pin_that_is_written_twice_turns_once(tmp_path):
     """Both rods of a five-bar end in the same pin, and a weld holds the two halves together."""
     pins = [J(f"pin{k}", f"P{k}", f"half{k}") for k in (1, 2)]
     joints = [*five_bar((-0.5, 0.5), 0.8, 1), *pins]
-    text = loop_text([("half1", "half2")], ["q1", "q2"], kind="6d")
-    mechanism = pinsing.load_mechanism(written(tmp_path, joints, text))
+    mechanism = assembled(tmp_path, joints, [("half1", "half2")], ["q1", "q2"], kind="6d")
     assert (mechanism.n, ranks(mechanism).mobility) == (5, 2)
 
 
@@ -83,8 +83,7 @@ def test_joints_without_limits_move_without_end(tmp_path):
         J("q2", "base", "slide", (0.5, 0, 0), X, "prismatic", more='<limit effort="1"/>'),
         frame("end", "rod", (0.6, 0, 0)),
     ]
-    text = loop_text([("end", "slide")], ["q1"], "slide", "vx")
-    mechanism = pinsing.load_mechanism(written(tmp_path, joints, text))
+    mechanism = assembled(tmp_path, joints, [("end", "slide")], ["q1"], "slide", "vx")
     assert np.isinf([mechanism.lower, mechanism.upper]).all()
     assert "no usable limits, so they move without end: q1, b1, q2" in mechanism.notes
     assert not any("cannot be analysed" in n or "not analysed" in n for n in mechanism.notes)
@@ -98,12 +97,10 @@ def test_a_joint_that_mimics_another_is_driven_or_refused(tmp_path):
         replace(j, more='<mimic joint="q1"/>') if j.name == "q2" else j
         for j in five_bar((-0.5, 0.5), 0.8, 1)
     ]
-    loops = [("P1", "P2")]
-    path = written(tmp_path, joints, loop_text(loops, ["q1", "q2"], "P1", "vx, vy"))
-    assert ranks(pinsing.load_mechanism(path)).mobility == 2
-    path = written(tmp_path, joints, loop_text(loops, ["q1", "b2"], "P1", "vx, vy"), "other")
+    loops, more = [("P1", "P2")], ("P1", "vx, vy")
+    assert ranks(assembled(tmp_path, joints, loops, ["q1", "q2"], *more)).mobility == 2
     with pytest.raises(JointError, match=r"q2.*mimics another joint.*or drive it \(name_mot\)"):
-        pinsing.load_mechanism(path)
+        assembled(tmp_path, joints, loops, ["q1", "b2"], *more)
 
 
 def test_lengths_in_millimetres_are_suspected(tmp_path):
@@ -114,9 +111,9 @@ def test_lengths_in_millimetres_are_suspected(tmp_path):
         frame("e1", "rod", (500, 0, 0)),
         frame("e2", "arm2", (300, 0, 0)),
     ]
-    path = written(tmp_path, joints, loop_text([("e1", "e2")], ["q1"], "e2", "wz"))
+    mechanism = assembled(tmp_path, joints, [("e1", "e2")], ["q1"], "e2", "wz")
     with pytest.raises(pinsing.PinsingError, match=r"up to 1.7e\+03 m; if they are in millimetres"):
-        pinsing.loops.analyze_mechanism(pinsing.load_mechanism(path))
+        pinsing.loops.analyze_mechanism(mechanism)
 
 
 GOOD = """closed_loop: [[P, P2]]
@@ -126,16 +123,17 @@ output: {frame: P, rows: [vx, vy]}
 """
 
 
-def write(tmp_path: Path, text: str) -> Path:
+def five_bar_with(tmp_path: Path, *change: str) -> Mechanism:
+    """The five-bar with a loop file that is changed in one place."""
     path = tmp_path / "made.loops.yaml"
-    path.write_text(text)
-    return path
+    path.write_text(GOOD.replace(*change))
+    return pinsing.load_mechanism(URDF / "five_bar.urdf", path)
 
 
 def test_files_of_example_parallel_robots_are_read_whole(tmp_path):
     """No output is named there, and joints of the URDF stand for balls and universal joints."""
-    plain = GOOD.replace("output: {frame: P, rows: [vx, vy]}\n", "joint_name: []\njoint_type: []\n")
-    mechanism = pinsing.load_mechanism(URDF / "five_bar.urdf", write(tmp_path, plain))
+    output, joints = "output: {frame: P, rows: [vx, vy]}\n", "joint_name: []\njoint_type: []\n"
+    mechanism = five_bar_with(tmp_path, output, joints)
     assert mechanism.output == "P"
     assert any("names no output: taken is P" in note for note in mechanism.notes)
     assert ranks(mechanism).mobility == 2
@@ -164,14 +162,12 @@ def test_files_of_example_parallel_robots_are_read_whole(tmp_path):
     ],
 )
 def test_side_car_errors_name_the_file_and_the_line(tmp_path, change, line, message):
-    path = write(tmp_path, GOOD.replace(*change))
     with pytest.raises(RobotFileError, match=re.escape(message)) as caught:
-        pinsing.load_mechanism(URDF / "five_bar.urdf", path)
-    assert (caught.value.path, caught.value.line) == (path, line)
+        five_bar_with(tmp_path, *change)
+    assert (caught.value.path, caught.value.line) == (tmp_path / "made.loops.yaml", line)
 
 
 def test_wrong_number_of_actuators_is_said(tmp_path):
-    path = write(tmp_path, GOOD.replace("[q1, q2]", "[q1]"))
-    mechanism = pinsing.load_mechanism(URDF / "five_bar.urdf", path)
+    mechanism = five_bar_with(tmp_path, "[q1, q2]", "[q1]")
     with pytest.raises(OptionError, match="2 degrees of freedom, but 1 joint is actuated"):
         pinsing.loops.analyze_mechanism(mechanism)

@@ -12,9 +12,9 @@ import pytest
 import yaml
 from click.testing import CliRunner
 from command_line import run
-from mechanisms import URDF, analyzed, shipped
+from mechanisms import URDF, analyzed, assembled, shipped
 from tiers import sampled, tiered
-from urdf_text import J, Y, frame, loop_text, written
+from urdf_text import J, Y, frame
 
 import pinsing
 from pinsing.cli.mechanism import analyze_loops, view_loops
@@ -55,7 +55,6 @@ from pinsing.plot.mechanism import (
     pose_maps,
     regions,
 )
-from pinsing.robot.mechanism import load_mechanism
 
 MEASURED = ["five_bar", "planar_3rrr", "gough_stewart", "agile_eye", "rssr"]
 CLOSING = ["gough_stewart", "stewart_6_3", "planar_3rrr", "planar_3rpr", "hexaglide", "delta"]
@@ -297,8 +296,7 @@ def _upright_arm(folder):
         J("knee", "crank", "push", (-0.15, 0, 0), Y),
         frame("end", "push", (0, 0, 0.5)),
     ]
-    text = loop_text([("back", "end")], ["m1", "m2"], "tool", "vx, vz")
-    return load_mechanism(written(folder, joints, text))
+    return assembled(folder, joints, [("back", "end")], ["m1", "m2"], "tool", "vx, vz")
 
 
 def test_a_map_over_the_inputs_is_of_the_output_and_not_of_the_pin(tmp_path):

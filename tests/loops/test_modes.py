@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 from arms import place
 from mechanisms import analyzed, four_bar, from_model, planar_tree, shipped
+from platforms import ups
 from tiers import sampled, tiered
 from urdf_text import stewart, written
 
@@ -260,8 +261,7 @@ def test_flipped_joints_are_no_curves_of_their_own(case, tmp_path):
     else:
         drawn = np.random.default_rng(3).uniform(-1, 1, (2, 6, 3))
         points = np.round(drawn * [1, 1, 0.2] * [[[1.0]], [[0.5]]], 2)
-        made = stewart(*points, limits=(0.05, 5))
-        mechanism = pinsing.load_mechanism(written(tmp_path, *made))
+        mechanism = ups(tmp_path, *points, limits=(0.05, 5))
     inputs = home(mechanism)[list(mechanism.actuated)]
     found = curves(mechanism, inputs, 0)
     assert 1 <= len(found) < 8
