@@ -15,6 +15,8 @@ from typing import Any
 
 import pytest
 
+_MARK = "\n=== "
+
 
 @dataclass(frozen=True)
 class Case:
@@ -33,26 +35,31 @@ class Case:
         if os.environ.get("PINSING_WORDS"):
             kept = [line for line in self.block.split("\n") if line and line[0] != "!"]
             anew = "\n".join([*kept, *(f"! {answer}" for answer in found), ""])
-            self.file.write_text(self.file.read_text().replace(self.block, anew))
+            text = self.file.read_text().replace(f"{_MARK}{self.block}", f"{_MARK}{anew}")
+            self.file.write_text(text)
         assert tuple(found) == self.answers
+
+
+def good(file: Path) -> str:
+    """The good file of such a file."""
+    return file.read_text().split(_MARK)[1].partition("\n")[2]
 
 
 def cases(*files: Path) -> list[Any]:
     """Those of all the files, for ``parametrize``."""
     out = []
     for file in files:
-        _, good, *blocks = file.read_text().split("\n=== ")
-        out += [_case(file, good.partition("\n")[2], block) for block in blocks]
+        blocks = file.read_text().split(_MARK)[2:]
+        out += [_case(file, good(file), block) for block in blocks]
     return out
 
 
-def _case(file: Path, good: str, block: str) -> Any:
+def _case(file: Path, text: str, block: str) -> Any:
     name, *lines = block.split("\n")
     parts: dict[str, list[str]] = {"-": [], "+": [], "!": [], "": []}
     for sign, run in groupby(lines, key=lambda line: line[:1]):
         parts[sign].append("\n".join(line[2:] for line in run))
-    olds, news = parts["-"] or [good], parts["+"] or [""]
-    text = good
+    olds, news = parts["-"] or [text], parts["+"] or [""]
     for old, new in zip(olds, news, strict=True):
         assert text.count(old) == 1, (name, old)
         text = text.replace(old, new)

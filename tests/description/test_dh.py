@@ -12,6 +12,7 @@ import pinocchio as pin
 import pytest
 import yaml
 from arms import serial
+from cases import good
 from dh_arms import row_matrix
 from tiers import sampled, tiered
 
@@ -169,20 +170,7 @@ def test_other_text_is_no_number(text: str) -> None:
     assert parse_number(text) is None
 
 
-GOOD = """\
-name: arm
-convention: standard
-units: {angle: rad, length: m}
-rows:
-  - alpha: pi/2
-    a: 0
-    d: 0.1
-    theta: 0
-    type: revolute
-    limits: [-1, 1]
-  - {alpha: 0, a: 0.3, d: 0, theta: 0, type: prismatic, limits: [0, 1]}
-  - {alpha: 0, a: 0, d: 0, theta: 0, type: continuous, name: spin, velocity: 2}
-"""
+GOOD = good(Path(__file__).with_name("said") / "arm.dh.yaml.txt")
 
 
 def test_good_table(tmp_path):

@@ -3,12 +3,14 @@
 import json
 import math
 import tracemalloc
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 import xacro
+from cases import cases
 from command_line import python
-from xacro_escapes import ESCAPES, PLACES
 
 from pinsing.description import child_jail
 from pinsing.description.xacro_expression import FUNCTIONS, MATH, Function, Kinds, Refused, evaluate
@@ -35,77 +37,38 @@ PLAIN_NAMES = {
     **{k: NAMES[k] for k in ("side", "n", "xyz")},
 }  # fmt: skip
 
-SAME_AS_PYTHON = [
-    "1 + 2 * 3 - 4 / 5 // 1 % 7", "-n ** 2 + ~n", "2 ** 0.5 + 2 ** -1", "1 << 4 | 3 & 6 ^ 1",
-    "7 >> 1", "0x1f + 0b11 + 1_000", "1 < n <= 3 != 4", "1 < 0 < (1 / 0 if False else 1)",
-    "n == 3 and side or 'none'", "not n and 1 / 0", "'a' if side == 'left' else 'b'",
-    "side + '_' + str(n)", "side in ('left', 'right') and 'x' not in side", "None is None",
-    "[1, 2.5, 'a', True, None]", "(1,) + (2, 3)", "[1, 2] + [3] * 2", "{'a': 1, 'b': [2]}['b'][0]",
-    "dict(a=1, b=2)['b']", "dict([('a', 1)])", "'abcdef'[1:-1:2] + 'abc'[-1]", "[1, 2, 3][::-1]",
-    "[float(x) * 2 for x in xyz.split() if x != '0.2']",
-    "[(i, j) for i in range(3) for j in range(i)]", "sum([x * x for x in range(10)])",
-    "sum(x for x in (1, 2))", "any(x > 2 for x in [1, 2, 3]) and all([])",
-    "' '.join([str(v) for v in sorted([3, 1, 2], reverse=True)])", "xyz.split(' ')[1]",
-    "side.upper().startswith('LE')", "side.replace('left', 'right').strip('r')",
-    "'%s_%03d %.3f' % (side, n, pi)", "'%s' % side",
-    "sin(pi / 2) + math.cos(math.pi) + radians(90) + degrees(1)",
-    "math.hypot(3, 4) + atan2(1, 2) + sqrt(2)", "math.floor(2.7) + ceil(2.1) + trunc(2.9)",
-    "round(2.675, 2) + round(2.5) + abs(-3)",
-    "min(1, 2) + max([1, 2, 3]) + max('a', 'bb').count('b')",
-    "len([1, 2]) + int('12') + int('1f', 16) + int(2.9) + float('1e3')", "list(zip([1, 2], 'ab'))",
-    "list(enumerate('ab', 1))", "list(range(5))[1:3]", "bool('') or bool('x')",
-    "data.a.b[1].c + data['values']", "data['a']['b'][0]", "data.get('nope', 7)", "'name' in data",
-    "[item.x for item in data.list]", "len(data.list) + len(data)", "str(data.a)",
-]  # fmt: skip
+SAID = Path(__file__).with_name("said")
+ESCAPES, PLACES = (cases(SAID / name) for name in ("escapes.txt", "places.txt"))
+TOO_LONG = {
+    "deep signs": "(" * 90 + "1" + ")" * 90 + "+" + "-" * 100 + "1", "signs": "-" * 15_000 + "1",
+    "open": "(" * 10_000, "sum": "1+" * 15_000 + "1", "lists": "[" * 5000 + "]" * 5000,
+    "name": "a" * 30_000,
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("text", SAME_AS_PYTHON)
-def test_values_are_those_of_python(text):
-    expected = eval(text, {}, PLAIN_NAMES)  # texts of this file only
-    found = evaluate(text, NAMES, KINDS)
-    assert found == expected
-    assert type(found) is type(expected)
-    assert str(found) == str(expected)
+def outcome(evaluated: Callable[..., Any], *given: Any) -> tuple[type, str]:
+    """The type and the text of a value, or of an error."""
+    try:
+        value = evaluated(*given)
+    except SyntaxError:
+        return SyntaxError, "in other words"
+    except Exception as error:
+        value = error
+    return type(value), str(value)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "nope", "1 / 0", "'a' + 1", "[1][3]", "data.nope", "int('x')", "1 +", "n(1)", "len(1)",
-        "x = 1",
-    ],
-)  # fmt: skip
-def test_errors_are_those_of_python(text):
-    with pytest.raises(Exception) as expected:
-        eval(text, {}, dict(PLAIN_NAMES))  # texts of this file only
-    with pytest.raises(expected.type) as found:
-        evaluate(text, NAMES, KINDS)
-    if expected.type is not SyntaxError:
-        assert str(found.value) == str(expected.value)
+@pytest.mark.parametrize("text", (SAID / "as_python.txt").read_text().splitlines())
+def test_values_and_errors_are_those_of_python(text):
+    expected = outcome(eval, text, {}, dict(PLAIN_NAMES))  # texts of that file only
+    assert outcome(evaluate, text, NAMES, KINDS) == expected
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "9 ** 9 ** 9", "2 ** 10 ** 8", "1 << 10 ** 9", "'a' * 10 ** 9", "[0] * 10 ** 9",
-        "[[0] * 10 ** 5 for i in range(10 ** 5)]", "range(10 ** 9)", "'%1000000000d' % 1",
-        "'%*d' % (10 ** 9, 1)", "'%.999999999f' % 1.0",
-        "('a' * 10 ** 6).replace('a', 'a' * 10 ** 6)",
-        "('a' * 10 ** 6).join(['a' * 10 ** 6] * 1000)", "round(1, -10 ** 9)", "int('9' * 10 ** 5)",
-        "'%.2000d' % 1", "sorted([1], key=abs)", "max(*[1, 2])",
-        "sum([[0] * 10 ** 5] * 1000, [])",
-        "(" * 90 + "1" + ")" * 90 + "+" + "-" * 100 + "1", "-" * 15_000 + "1", "(" * 10_000,
-        "1+" * 15_000 + "1", "[" * 5000 + "]" * 5000, "a" * 30_000, "(-8) ** 0.5", "1j", "b'a'",
-        "lambda: 1", "f'{n}'", "side.format(1)", "math", "[math]", "str(math)", "math['__doc__']",
-        "math.__doc__", "data.__class__", "[].append(1)", "data.update(a=1)", "data.pop('a')",
-        r"'\udc00'", r"'\ud83d' + '\ude00'",
-        pytest.param("[i for i in range(10 ** 5) for j in range(10 ** 5)]", marks=pytest.mark.slow),
-    ],
-)  # fmt: skip
-def test_what_is_refused(text):
-    with pytest.raises((Refused, SyntaxError, ValueError, TypeError)) as caught:
-        evaluate(text, NAMES, KINDS)
-    assert len(str(caught.value)) < 200
+@pytest.mark.parametrize("case", cases(SAID / "refused.txt"))
+def test_what_is_refused(case):
+    kind, said = outcome(evaluate, TOO_LONG.get(case.name, case.name), NAMES, KINDS)
+    assert issubclass(kind, Exception)
+    assert len(said) < 200
+    case.check([f"{kind.__name__}: {said}"])
 
 
 @pytest.mark.parametrize(
@@ -141,26 +104,38 @@ def test_a_value_of_any_other_type_is_refused_where_it_turns_up():
         evaluate("len('a')", names, KINDS)
 
 
+def tried(escapes, places, *words):
+    """What came of all escapes in all places."""
+    given = [
+        {c.name: c.text for (c,) in (p.values for p in params)} for params in (escapes, places)
+    ]
+    script = Path(__file__).with_name("xacro_escapes.py")
+    done = python(script, *words, input=json.dumps(given), check=True, timeout=200)
+    return json.loads(done.stdout)
+
+
 @pytest.fixture(scope="module")
 def attempts():
-    script = Path(__file__).with_name("xacro_escapes.py")
-    return json.loads(python(script, check=True, timeout=200).stdout)
+    return tried(ESCAPES, PLACES[:1])["results"]
+
+
+@pytest.mark.parametrize("case", ESCAPES)
+def test_an_escape_is_refused(case, attempts):
+    said = attempts[f"{case.name} | attribute"].splitlines()[0]
+    case.check([said.rstrip()])
 
 
 @pytest.mark.slow
-def test_no_escape_gets_through_any_place(attempts):
+def test_no_escape_gets_through_any_place():
+    attempts = tried(ESCAPES, PLACES)
     assert len(attempts["results"]) == len(ESCAPES) * len(PLACES) > 2500
     assert attempts["seen"] == {}  # no file opened, nothing run, imported, connected or started
-    through = {k: v for k, v in attempts["results"].items() if not v.startswith("!")}
-    assert through == {}
+    assert [k for k, v in attempts["results"].items() if not v.startswith("!")] == []
 
 
 def test_the_same_attempts_are_seen_where_xacro_evaluates_by_itself():
-    code = (
-        "import sys; sys.argv[1:] = ['plain']; import xacro_escapes as x\n"
-        "x.ESCAPES = {'globals by vars': x.ESCAPES['globals by vars']}; x.main(True)"
-    )
-    seen = json.loads(python("-c", code, check=True, cwd=Path(__file__).parent).stdout)["seen"]
+    by_vars = [param for param in ESCAPES if param.values[0].name == "globals by vars"]
+    seen = tried(by_vars, PLACES, "plain")["seen"]
     assert sum("os.system" in " ".join(events) for events in seen.values()) > 20
 
 

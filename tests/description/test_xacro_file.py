@@ -322,63 +322,10 @@ def test_robotics_toolbox():
         assert f"package {package!r} not found" in reasons[name]
 
 
-FEATURES = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro" xmlns:g="urn:g">
-  <xacro:arg name="side" default="left"/>
-  <xacro:arg name="count" default="${1 + 2}"/>
-  <xacro:property name="t" value="${xacro.load_yaml('t.yaml')}"/>
-  <xacro:property name="name" value="'quoted'"/>
-  <xacro:property name="lazy" value="${name}_x"/>
-  <xacro:property name="len" value="5"/>
-  <xacro:property name="gone" value="1"/><xacro:property name="gone" remove="true"/>
-  <xacro:property name="kept" value="1"/><xacro:property name="kept" default="2"/>
-  <xacro:property name="block"><i a="${name}"/><j/></xacro:property>
-  <xacro:include filename="part.xacro" ns="part"/>
-  <xacro:include filename="part*.xacro"/>
-  <xacro:include filename="nothing.xacro" optional="true"/>
-  <xacro:macro name="m" params="a b:=7 c:='1 2' d:=^|9 e:=^ f:=${2*b} *one **many">
-    <link name="${a} ${b} ${c} ${d} ${e}"><xacro:insert_block name="one"/>
-      <xacro:insert_block name="many"/></link>
-    <xacro:property name="up" value="${b + 1}" scope="parent"/>
-    <xacro:property name="all" value="${b + 2}" scope="global"/>
-  </xacro:macro>
-  <xacro:property name="b" value="8"/><xacro:property name="d" value="${b}"/>
-  <xacro:property name="e" value="E"/>
-  <xacro:m a="$(arg side)"><x/><y><z v="${b}"/></y></xacro:m>
-  <xacro:call macro="m" a="$(eval 2 * count + pi)" b="${t.a[1].c}"><x/><y/></xacro:call>
-  <up v="${up} ${all} ${lazy} ${len} ${kept} ${part.inner} ${part.deep(2) if False else 0}"/>
-  <xacro:part.pm v="1"/>
-  <xacro:if value="${t.flag and not False}"><yes>${t.angle} ${t['length']}</yes></xacro:if>
-  <xacro:unless value="$(eval side == 'right')"><no>$$(x) $${y} $ a</no></xacro:unless>
-  <xacro:if value="0"/><xacro:if value="true"><t/></xacro:if>
-  <xacro:element xacro:name="${'el' + 'em'}" k="v">
-    <xacro:attribute name="n" value="n${[1, 2]}"/></xacro:element>
-  <xacro:insert_block name="block"/>
-  <!-- xacro:eval-comments --><!-- ${1 + 1} --><!-- xacro:eval-comments:off --><!-- ${1 + 1} -->
-  <a b="${t}" c="${t.list}" d="${dict(a=1)}" e="${1e-7} ${1/3} ${True} ${None}" f="&lt;&amp;"/>
-  <o v="$(optenv NO_SUCH_VAR a b) $(env ROS_HOME) $(cwd)" w="${xacro.abs_filename('x')}"/>
-  <w v="${xacro.warning('note')}${xacro.message('m')}${xacro.tokenize('1,2;3 4')}"/>
-  <d v="${sorted([2, 1])} ${list(range(3))} ${xacro.dotify(dict(q=1)).q} ${max(1, 2) ** 2}"/>
-  <g:h xmlns:k="urn:k"/>${xacro.arg('side')} ${-3 // 2} ${'%.2f' % 1.005}
-</robot>
-"""
-INNER = """<p xmlns:xacro="http://www.ros.org/wiki/xacro" xmlns:q="urn:q">
-<xacro:property name="inner" value="${3 * 2}"/><xacro:macro name="pm" params="v">
-<pm v="${v} ${inner}"/></xacro:macro><q:z/></p>"""
-TABLE = """a: [1, {c: 2.5}]
-flag: true
-angle: !degrees 90 / 2
-length: !millimeters 5
-list: [{x: 1}, 2001-01-01, null, 0x10, 1e3, "s"]
-merge: &m {k: 1}
-more: {<<: *m, l: 2}
-"""
-
-
-def test_every_feature(tmp_path, monkeypatch):
+def test_every_feature(monkeypatch):
     monkeypatch.setenv("ROS_HOME", "somewhere")
-    (tmp_path / "all.xacro").write_text(FEATURES)
-    (tmp_path / "part.xacro").write_text(INNER)
-    (tmp_path / "t.yaml").write_text(TABLE)
-    assert compare(tmp_path) == (2, {})
-    assert 'name="elem"' not in expand_xacro(tmp_path / "all.xacro").xml
-    assert "<elem " in expand_xacro(tmp_path / "all.xacro").xml
+    folder = Path(__file__).with_name("features")
+    assert compare(folder) == (2, {})
+    expanded = expand_xacro(folder / "all.xacro").xml
+    assert "<elem " in expanded
+    assert 'name="elem"' not in expanded

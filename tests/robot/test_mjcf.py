@@ -6,38 +6,14 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from cases import good
 from command_line import run
 
 import pinsing
 from pinsing.errors import PinsingError
 from pinsing.kinematics.jacobian import tip_placement
 
-GOOD = """<mujoco model="arm">
-  <compiler angle="degree" autolimits="true"/>
-  <option timestep="0.01"/>
-  <default>
-    <joint axis="0 0 1" damping="1"/>
-    <default class="side"><joint axis="0 1 0" range="-120 120"/></default>
-  </default>
-  <worldbody>
-    <light pos="0 0 3"/>
-    <body name="base" pos="0 0 0.2">
-      <geom size="0.1"/>
-      <body name="upper" pos="0.1 0 0.3" euler="0 0 90">
-        <joint name="j1" pos="0 0 0.05" range="-170 170"/>
-        <body name="lower" pos="0.4 0 0" quat="1 0 0 0" childclass="side">
-          <joint name="j2" ref="30"/>
-          <body name="hand" pos="0 0 0.3">
-            <joint name="j3" type="slide" axis="0 0 2" range="-0.1 0.1"/>
-            <site name="tool" pos="0 0 0.1" zaxis="1 0 0"/>
-          </body>
-        </body>
-      </body>
-    </body>
-  </worldbody>
-  <actuator><motor joint="j1"/></actuator>
-</mujoco>
-"""
+GOOD = good(Path(__file__).parents[1] / "description" / "said" / "arm.xml.txt")
 Q = np.array([0.4, -0.7, 0.06])
 
 
