@@ -54,10 +54,12 @@ class Ring:
     def __init__(self, kinds, roots):
         self.n, self.roots = len(kinds), roots
         names = [f"{letter}{j + 1}" for j in range(self.n) for letter in "xy"] + ["s2", "s3"]
-        self.ctx = fmpq_mpoly_ctx.get(names, Ordering.lex)
-        gens = self.ctx.gens()
         self.place_of = {name: k for k, name in enumerate(names)}
-        self.x, self.y, self.s = gens[0 : 2 * self.n : 2], gens[1 : 2 * self.n : 2], gens[-2:]
+        inverses = [f"w{j + 1}" for j in range(self.n)]  # of the units, while the matrix is made
+        self.ctx = fmpq_mpoly_ctx.get(names + inverses, Ordering.lex)
+        gens = self.ctx.gens()
+        self.x, self.y = gens[0 : 2 * self.n : 2], gens[1 : 2 * self.n : 2]
+        self.s, self.w = gens[2 * self.n :][:2], gens[2 * self.n + 2 :]
         self.zero, self.one = self.ctx.constant(0), self.ctx.constant(1)
         self.units = [
             x * x + y * y if kind == "revolute" else x
@@ -80,7 +82,7 @@ class Ring:
         for term in text.split(" "):
             match = TERM.fullmatch(term)
             need(match, f"no term: {term!r}")
-            exponents = [0] * (2 * self.n + 2)
+            exponents = [0] * self.ctx.nvars()
             for name, power in POWER.findall(match[2]):
                 need(name in self.place_of, f"no variable: {name}")
                 need(name[0] != "s" or int(name[1:]) in self.roots, f"no root: {name}")
@@ -168,23 +170,6 @@ class Ring:
             if not top:
                 result *= other
         return self.reduced(result)
-
-    def same(self, p, q):
-        """The same but for units and a constant of K, and neither zero."""
-        p, q = self.without_units(p), self.without_units(q)
-        if not p or not q or set(self.joints(p)) != set(self.joints(q)):
-            return False
-        # p = c q for some c of K: compare with the coefficients of one monomial
-        lead = {}
-        for name, f in (("p", p), ("q", q)):
-            parts = {}
-            for m, c in f.to_dict().items():
-                parts.setdefault(m[:-2], {})[(*[0] * (2 * self.n), *m[-2:])] = c
-            lead[name] = {m: self.ctx.from_dict(d) for m, d in parts.items()}
-        if set(lead["p"]) != set(lead["q"]):
-            return False
-        m = max(lead["p"])
-        return not self.mul(p, lead["q"][m]) - self.mul(q, lead["p"][m])
 
 
 # Forms that vanish together --------------------------------------------------------------
@@ -297,139 +282,104 @@ class Together:
 # The matrix -------------------------------------------------------------------------------
 
 
-class Quotients:
-    """Quotients of forms by products of units: (numerator, exponent of each unit)."""
-
-    def __init__(self, ring):
-        self.ring = ring
-        self.none = (0,) * ring.n
-
-    def constant(self, p):
-        return (p, self.none)
-
-    def over(self, f, exponents):
-        p, own = f
-        for u, a, b in zip(self.ring.units, exponents, own, strict=True):
-            p = p * u ** (a - b)
-        return self.ring.reduced(p)
-
-    def add(self, f, g):
-        top = tuple(map(max, f[1], g[1]))
-        return (self.over(f, top) + self.over(g, top), top)
-
-    def sub(self, f, g):
-        return self.add(f, (-g[0], g[1]))
-
-    def mul(self, f, g):
-        p = self.ring.mul(f[0], g[0])
-        return (p, tuple(a + b for a, b in zip(f[1], g[1], strict=True)) if p else self.none)
-
-    def dot(self, row, column):
-        total = self.constant(self.ring.zero)
-        for f, g in zip(row, column, strict=True):
-            total = self.add(total, self.mul(f, g))
-        return total
-
-    def apply(self, matrix, vector):
-        return [self.dot(row, vector) for row in matrix]
-
-    def product(self, a, b):
-        return [[self.dot(row, column) for column in zip(*b, strict=True)] for row in a]
-
-    def plus(self, v, w):
-        return [self.add(f, g) for f, g in zip(v, w, strict=True)]
-
-    def cross(self, v, w):
-        def minor(i, k):
-            return self.sub(self.mul(v[i], w[k]), self.mul(v[k], w[i]))
-
-        return [minor(1, 2), minor(2, 0), minor(0, 1)]
+def settled(ring, p):
+    """With the inverse w of a unit u: w u = 1."""
+    p = ring.reduced(p)
+    for w, unit in zip(ring.w, ring.units, strict=True):
+        p = divmod(p, w * unit - 1)[1] if p else p
+    return p
 
 
-def placement_of(q, ring, item):
-    """Rotation and translation, in quotients, of a link or the tip."""
+def flipped(matrix):
+    return [list(column) for column in zip(*matrix, strict=True)]
+
+
+def identity(ring, n):
+    return [[ring.one if i == k else ring.zero for k in range(n)] for i in range(n)]
+
+
+def product(ring, a, b):
+    def dot(row, column):
+        return sum((f * g for f, g in zip(row, column, strict=True)), ring.zero)
+
+    return [[settled(ring, dot(row, column)) for column in flipped(b)] for row in a]
+
+
+def inverse(ring, placement):
+    turn = flipped(row[:3] for row in placement[:3])
+    back = product(ring, turn, [row[3:] for row in placement[:3]])
+    return [*([*row, -p] for row, (p,) in zip(turn, back, strict=True)), placement[3]]
+
+
+def placement_of(ring, item):
+    """Of a link or the tip, 4 by 4."""
     r = [
         [ring.number(t) for t in listed(row, "rotation", 3)]
         for row in listed(item["rotation"], "rotation", 3)
     ]
-    for i in range(3):
-        for k in range(3):
-            d = sum((r[i][m] * r[k][m] for m in range(3)), ring.zero)
-            need(ring.reduced(d) == (ring.one if i == k else ring.zero), "rotation: not one")
+    need(product(ring, r, flipped(r)) == identity(ring, 3), "rotation: not one")
     need(ring.reduced(determinant(ring, r)) == ring.one, "rotation: a mirror image")
     t = [ring.number(t) for t in listed(item["translation"], "translation", 3)]
-    return [[q.constant(p) for p in row] for row in r], [q.constant(p) for p in t]
+    return [*([*row, p] for row, p in zip(r, t, strict=True)), [ring.zero] * 3 + [ring.one]]
 
 
-def links_of(data, ring, kinds):
-    """Per link: joint, multiple, and the rotation and translation up to the link's own frame."""
-    q = Quotients(ring)
-    zero, one = q.constant(ring.zero), q.constant(ring.one)
-    links = []
-    for link in listed(data["chain"], "chain"):
-        keyed(link, ["rotation", "translation", "joint", "multiple"], "link")
-        rotation, translation = placement_of(q, ring, link)
-        j = whole(link["joint"], 0, ring.n - 1, "joint")
-        multiple = ring.number(link["multiple"])
-        if kinds[j] == "revolute":
-            need(re.fullmatch(r"-?[0-6]", link["multiple"]), "multiple: not whole, or above 6")
-            m = int(link["multiple"])
-            cos, sin = ring.one, ring.zero
-            x, y = ring.x[j], ring.y[j] if m > 0 else -ring.y[j]
-            for _ in range(2 * abs(m)):
-                cos, sin = ring.reduced(cos * x - sin * y), ring.reduced(sin * x + cos * y)
-            down = tuple(abs(m) if k == j else 0 for k in range(ring.n))
-            c, s, minus = (cos, down), (sin, down), (-sin, down)
-            turn = [[c, minus, zero], [s, c, zero], [zero, zero, one]]
-            rotation = q.product(rotation, turn)
-        else:
-            down = tuple(int(k == j) for k in range(ring.n))
-            slide = (ring.mul(multiple, ring.y[j]), down)
-            translation = q.plus(translation, q.apply(rotation, [zero, zero, slide]))
-        links.append((j, q.constant(multiple), rotation, translation))
-    need(0 < len(links) <= 16, "chain: too long, or without a link")
-    return links
+def motion_of(ring, kind, j, text):
+    """Of a multiple of joint j, 4 by 4, and the multiple."""
+    multiple, zero, one = ring.number(text), ring.zero, ring.one
+    x, y, w = ring.x[j], ring.y[j], ring.w[j]
+    cos, sin, slide = one, zero, multiple * y * w
+    if kind == "revolute":
+        need(re.fullmatch(r"-?[0-6]", text), "multiple: not whole, or above 6")
+        m, slide = int(text), zero
+        c, s = (x * x - y * y) * w, (2 if m > 0 else -2) * x * y * w
+        for _ in range(abs(m)):
+            cos, sin = settled(ring, cos * c - sin * s), settled(ring, sin * c + cos * s)
+    turn = [cos, -sin, zero, zero], [sin, cos, zero, zero]
+    return [*turn, [zero, zero, one, slide], [zero, zero, zero, one]], multiple
 
 
 def matrix_of(data, ring, kinds):
     """M before the steps, from the placements."""
-    q = Quotients(ring)
-    zero, one = q.constant(ring.zero), q.constant(ring.one)
-    links = links_of(data, ring, kinds)
-    tip = placement_of(q, ring, keyed(data["tip"], ["rotation", "translation"], "tip"))
-    moves = [(rotation, translation) for _, _, rotation, translation in links] + [tip]
+    joints, multiples, moves = [], [], []
+    for link in listed(data["chain"], "chain"):
+        keyed(link, ["rotation", "translation", "joint", "multiple"], "link")
+        j = whole(link["joint"], 0, ring.n - 1, "joint")
+        motion, multiple = motion_of(ring, kinds[j], j, link["multiple"])
+        moves.append(product(ring, placement_of(ring, link), motion))
+        joints.append(j)
+        multiples.append(multiple)
+    need(0 < len(moves) <= 16, "chain: too long, or without a link")
+    moves.append(placement_of(ring, keyed(data["tip"], ["rotation", "translation"], "tip")))
     a = whole(data["axes"], 0, len(moves), "axes")
     rows = [whole(k, 0, 5, "rows") for k in listed(data["rows"], "rows")]
     need(rows and rows == sorted(set(rows)), "rows: not in order")
     free = rows in ([0, 1, 2], [3, 4, 5], [0, 1, 2, 3, 4, 5])
     need(free or a in (0, len(moves)), "axes: not for such rows")
-    identity = [[one if i == k else zero for k in range(3)] for i in range(3)]
-    frames = {a: (identity, [zero] * 3)}
+    frames = {a: identity(ring, 4)}
     for i in range(a, len(moves)):
-        (r, p), (rotation, translation) = frames[i], moves[i]
-        frames[i + 1] = (q.product(r, rotation), q.plus(p, q.apply(r, translation)))
+        frames[i + 1] = product(ring, frames[i], moves[i])
     for i in range(a, 0, -1):
-        (r, p), (rotation, translation) = frames[i], moves[i - 1]
-        before = q.product(r, [list(column) for column in zip(*rotation, strict=True)])
-        moved = q.apply(before, translation)
-        frames[i - 1] = (before, [q.sub(f, g) for f, g in zip(p, moved, strict=True)])
-    point = [zero] * 3 if len(rows) == 6 else frames[len(moves)][1]
-    columns = [[zero] * 6 for _ in range(ring.n)]
-    for i, (j, multiple, _, _) in enumerate(links):
-        r, p = frames[i + 1]
-        axis = [q.mul(multiple, row[2]) for row in r]
+        frames[i - 1] = product(ring, frames[i], inverse(ring, moves[i - 1]))
+    point = [ring.zero if len(rows) == 6 else row[3] for row in frames[len(moves)][:3]]
+    columns = [[ring.zero] * 6 for _ in range(ring.n)]
+    for i, (j, multiple) in enumerate(zip(joints, multiples, strict=True)):
+        axis = [row[2] for row in frames[i + 1][:3]]
+        screw = axis + [ring.zero] * 3
         if kinds[j] == "revolute":
-            arm = [q.sub(f, g) for f, g in zip(point, p, strict=True)]
-            screw = q.cross(axis, arm) + axis
-        else:
-            screw = axis + [zero] * 3
-        columns[j] = q.plus(columns[j], screw)
-    forms = []
-    for column in columns:
-        wanted = [column[k] for k in rows]
-        top = tuple(max(f[1][k] for f in wanted) for k in range(ring.n))
-        forms.append(divided(ring, [q.over(f, top) for f in wanted]))
-    return [divided(ring, list(row)) for row in zip(*forms, strict=True)]
+            arm = [p - row[3] for p, row in zip(point, frames[i + 1][:3], strict=True)]
+            screw = [axis[k - 2] * arm[k - 1] - axis[k - 1] * arm[k - 2] for k in range(3)] + axis
+        columns[j] = [f + multiple * g for f, g in zip(columns[j], screw, strict=True)]
+    lines = [forms_of(ring, [column[k] for k in rows]) for column in columns]
+    return [divided(ring, row) for row in flipped(lines)]
+
+
+def forms_of(ring, line):
+    """Times the units that are divided by, and without those that all have."""
+    line = [settled(ring, p) for p in line]
+    for j, unit in enumerate(ring.units):
+        top = max((p.degrees()[j - ring.n] for p in line if p), default=0)
+        line = [settled(ring, p * unit**top) for p in line]
+    return divided(ring, line)
 
 
 def divided(ring, line):
@@ -505,10 +455,9 @@ class Check:
         matrix = matrix_of(data, ring, kinds)
         matrix = stepped(matrix, data["row_steps"], ring, "row_steps")
         need(matrix, "no rows left")
-        turned = [list(column) for column in zip(*matrix, strict=True)]
-        turned = stepped(turned, data["column_steps"], ring, "column_steps")
+        turned = stepped(flipped(matrix), data["column_steps"], ring, "column_steps")
         need(turned, "no columns left")
-        self.m = [list(row) for row in zip(*turned, strict=True)]
+        self.m = flipped(turned)
         self.a, self.b = len(self.m), len(turned)
         self.r = whole(data["rank"], 1, min(self.a, self.b), "rank")
         self.bound = (self.a - self.r + 1) * (self.b - self.r + 1)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from certificates import certificate, find, longer, more, mutants, place_of, proven, put, verdict
+from certificates import certificate, more, place_of, proven, verdict
 from command_line import python, run as pinsing_command
 from singular_sets import iiwa_with_offset
 from tiers import tiered
@@ -19,16 +19,13 @@ from pinsing.families.proof_forms import form_text
 from pinsing.proof import checker
 from pinsing.proof.checker import Certificate, Ring
 
-CHECKER = Path(checker.__file__)
-
-
 LONG = ["so101", "xarm7", "panda"]
 NAMES = ["ur5", "puma560", "stanford", "surgical7", "iiwa14", "scara", "planar3r position"]
-NAMES += ["planar3r one row", "ur5 orientation", "head of alex"]
+NAMES += ["planar3r one row", "ur5 orientation", "head of alex", "ur5 tool axis", "planar3r tip"]
 
 
 @pytest.mark.parametrize("name", tiered([*NAMES, *LONG], NAMES))
-def test_an_arm_is_proven(name):
+def test_an_arm_is_proven_to_both_checkers(name):
     data = certificate(name)
     assert verdict(data) == ""
     assert len(text_of(data)) < 100_000
@@ -114,16 +111,13 @@ def test_systems_of_equations_are_proven(name, how):
 
 
 def test_the_checker_stands_alone(tmp_path):
-    text = CHECKER.read_text(encoding="utf-8")
-    assert "import pinsing" not in text
-    assert "from pinsing" not in text
-    alone = tmp_path / "checker.py"
+    text = Path(checker.__file__).read_text(encoding="utf-8")
+    assert not re.search("(import|from) pinsing", text)
+    alone, good, bad = (tmp_path / name for name in ("checker.py", "good.json", "bad.json"))
     alone.write_text(text, encoding="utf-8")
-    good, bad = tmp_path / "good.json", tmp_path / "bad.json"
     data = certificate("ur5")
     good.write_text(text_of(data), encoding="utf-8")
-    data["rank"] = 5
-    bad.write_text(text_of(data), encoding="utf-8")
+    bad.write_text(text_of({**data, "rank": 5}), encoding="utf-8")
     code = f"import sys; sys.modules['pinsing'] = None; sys.argv[1:] = [{str(good)!r}]\n"
     code += f"import runpy; runpy.run_path({str(alone)!r}, run_name='__main__')"
     run = python("-I", "-c", code)
@@ -135,68 +129,6 @@ def test_the_checker_stands_alone(tmp_path):
         assert run.stdout.startswith("REJECTED")
         assert run.stdout.count("\n") == 1
         assert not run.stderr
-
-
-MUTATED = ["ur5", "stanford", "scara", "planar3r position"]
-
-
-@pytest.mark.parametrize("name", tiered([*MUTATED, "surgical7", "iiwa14", "panda"], MUTATED[1:]))
-def test_nothing_may_change(name):
-    for what, data in mutants(name, name in MUTATED):
-        assert verdict(data) or "mirrored" in what, what
-
-
-def determinant(data):
-    """The one minor of a 6-joint arm."""
-    read = Certificate(data)
-    (minor,) = read.minors(read.rank, {})
-    return read.ring.stripped(minor)[0]
-
-
-@pytest.mark.parametrize("name", tiered(["ur5", "puma560", "stanford"], ("puma560",)))
-def test_a_length_may_not_change(name):
-    """Accepted if and only if the determinant stays what it was: then what it says is true."""
-    accepted = []
-    true = certificate(name)
-    before = determinant(true)
-    for where, data in longer(true):
-        after = determinant(data)
-        same = after.leading_coefficient() * before == before.leading_coefficient() * after
-        assert bool(verdict(data)) != same, where
-        accepted.append(same)
-    assert 4 <= sum(accepted) <= len(accepted) - 4
-    tip = true["tip"]["translation"][0] + " 1/50"
-    assert verdict(put(true, tip, "tip", "translation", 0)) == ""  # no matter for the pose
-
-
-def test_what_claims_without_proof_is_rejected():
-    every = [[*range(6)], [*range(6)]]
-    one = [["1", every, []]]
-    data = certificate("ur5")
-    cases = [
-        [[], [], 1, "nowhere", 0], [[], [], 1, "family", 0], [[0], [], 1, "family", 0],
-        [[0], [], 1, "family", -1], [[0], [], 1, "place", 0], [[0], [], 1, "nowhere", 0],
-        [[0], ["1"], 1, "family", 0], [[0, 1], [], 1, "family", 0],
-    ]  # fmt: skip
-    minors = ([["0", every, []]], one, [["1", [[], []], []]], [["1", [[0, 0, 0], [0, 1, 2]], []]])
-    for place in (
-        place_of([]),
-        place_of([], of_forms=[["1", 0]]),
-        *(place_of([], of_minors=some) for some in minors),
-        *(place_of([], case, of_minors=one) for case in cases),
-    ):
-        for families in ([], data["families"]):
-            assert verdict({**data, "families": families, "places": [place]}), place
-    assert verdict({**data, "places": []})
-
-
-def test_cases_lead_forward_only():
-    data = certificate("surgical7")
-    i, k = find(data, lambda i, case: i and case[3] == "place")
-    for then in (0, i, -1, 10**9, True, "1", 1.0, None):
-        assert verdict(put(data, then, "places", i, "cases", k, 4)), then
-    for to in ("", "Place", "polynomials", None, 0):
-        assert verdict(put(data, to, "places", i, "cases", k, 3)), to
 
 
 def test_powers_of_x_may_be_left_out():
@@ -213,7 +145,7 @@ def test_powers_of_x_may_be_left_out():
         assert ring.parse(form_text(form)) == form
 
 
-@pytest.mark.parametrize("name", MUTATED)
+@pytest.mark.parametrize("name", ["ur5", "stanford", "scara", "planar3r position"])
 def test_powers_of_x_may_be_written(name):
     data = certificate(name)
     ring = Certificate(data).ring
@@ -225,25 +157,6 @@ def test_powers_of_x_may_be_written(name):
         )
     assert "x" in "".join(whole)
     assert verdict(data) == ""
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "", "{", "[]", "null", "1", "NaN", '{"schema": "pinsing/certificate/1"}',
-        '{"schema": "pinsing/certificate/2"}', '{"schema": "pinsing/certificate/3"}',
-        '{"schema": 1, "schema": 2}', "[" * 100_000, '{"a":' * 50_000, '{"rank": 1e5}',
-        '{"rank": Infinity}', " " * 5_000_000,
-    ],
-)  # fmt: skip
-def test_what_is_no_certificate_is_rejected(text):
-    reason = verdict(text)
-    assert reason
-    assert "\n" not in reason
-    assert len(reason) < 300
-    if text.endswith(('/1"}', '/2"}')):  # an old format is named
-        assert "pinsing/certificate/3" in reason
-        assert "anew" in reason
 
 
 @pytest.mark.slow
@@ -258,20 +171,6 @@ def test_what_would_take_for_ever_is_rejected():
         ("no index", place_of([last], [[0], [], 10**9, "nowhere", 0], of_forms=[["1", 0]])),
     ):
         assert said in verdict(more(data, "places", place))
-
-
-def test_a_relation_of_a_joint_that_is_fixed_counts_not_twice():
-    data = certificate("ur5")
-    family = data["families"][0]
-    (form,) = family["forms"]
-    family["least_codimension"] = 2
-    assert "larger" in verdict(data)
-    family["forms"] = [form, form]
-    assert "larger" in verdict(data)
-    twice = re.sub("(?<![0-9^xy/])1(?=[xy])", "2", data["polynomials"][form])
-    data["polynomials"].append(twice)
-    family["forms"] = [form, len(data["polynomials"]) - 1]
-    assert "larger" in verdict(data)
 
 
 def test_what_is_missing_is_not_proven():
