@@ -9,6 +9,7 @@ All results have JSON in common, both ways, with a named and versioned schema.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import inspect
@@ -94,16 +95,15 @@ def checked(function: F) -> F:
                     if name == "arm" and "forms" in inspect.signature(function).parameters:
                         given["forms"] = given.get("forms") or value
                     given[name] = next(filter(None, ways))(value)
-        first = [given.pop(name) for name in order[: len(args)]]
-        return function(*first, **given)
+        return function(**given)
 
     return typing.cast(F, call)
 
 
 def real_numbers(values: ArrayLike, name: str, own: bool = True) -> Array:
     """Return real numbers as floats, a copy if ``own``; ConfigurationError for anything else."""
-    if not _are_numbers(values):
-        raise _no_numbers(name, values)
+    if wrong := _no_numbers(values):
+        raise ConfigurationError(f"{name} {wrong}")
     return np.array(values, dtype=float) if own else np.asarray(values, dtype=float)
 
 
@@ -162,35 +162,49 @@ def shown(value: Any) -> str:
 
 def _refusal(name: str, kind: _Kind, value: Any) -> ConfigurationError | ArgumentError:
     if kind.expected == _NUMBERS:
-        return _no_numbers(name, value)
+        return ConfigurationError(f"{name} {_no_numbers(value)}")
     if isinstance(value, Mapping | list | tuple) and _holds(value, _is_nan, False):
         return ConfigurationError(f"{name} holds a value that is not finite")
-    said, called, hint = shown(value), type(value).__name__, kind.hint
-    hint = hint and f"{hint} gives one"
+    hint = kind.hint and f"{kind.hint} gives one"
     if kind.hint.startswith("pinsing.load("):
-        if isinstance(value, str | os.PathLike):
-            path = os.fspath(value)
-            short = isinstance(path, str) and path.isprintable() and 0 < len(path) <= _LONGEST
-            robot = json.dumps(path if short else "ur5", ensure_ascii=False)
-            hint = f"load it first, pinsing.load({robot})"
-        elif said == "the class Model":
-            hint = "load a built one, pinsing.load(pin.buildModelFromUrdf(path))"
-        elif called in ("Model", "Data"):
-            hint = "load it first, pinsing.load(model)" + ": Data is not needed" * (
-                called == "Data"
-            )
-        elif type(getattr(value, "model", None)).__name__ == "Model":  # a RobotWrapper
-            hint = "load it first, pinsing.load(robot)"
-    return ArgumentError(name, kind.expected, said, hint or _NAMES.get(name, ""))
+        hint = _how_to_load(value) or hint
+    return ArgumentError(name, kind.expected, shown(value), hint or _NAMES.get(name, ""))
 
 
-def _no_numbers(name: str, value: Any) -> ConfigurationError:
-    """Return what is wrong with a value that `_are_numbers` does not take."""
-    if _reals(value) is not None:
-        return ConfigurationError(f"{name} holds a number too large for a float")
+def _how_to_load(value: Any) -> str:
+    """Return how a robot is made of what was given in place of one; empty if it is none."""
+    called = type(value).__name__
+    if isinstance(value, str | os.PathLike):
+        path = os.fspath(value)
+        short = isinstance(path, str) and path.isprintable() and 0 < len(path) <= _LONGEST
+        robot = json.dumps(path if short else "ur5", ensure_ascii=False)
+        return f"load it first, pinsing.load({robot})"
+    if shown(value) == "the class Model":
+        return "load a built one, pinsing.load(pin.buildModelFromUrdf(path))"
+    if called in ("Model", "Data"):
+        needless = ": Data is not needed" if called == "Data" else ""
+        return f"load it first, pinsing.load(model){needless}"
+    wrapper = type(getattr(value, "model", None)).__name__ == "Model"
+    return "load it first, pinsing.load(robot)" if wrapper else ""
+
+
+def _no_numbers(value: Any) -> str:
+    """Say why NumPy makes no floats of a value without losing anything; empty where it does."""
+    if type(value) is np.ndarray and value.dtype.kind == "f":  # most often: not masked, as it is
+        return ""
+    plain = isinstance(value, str | bytes | bytearray | Mapping | type(None))
+    array = None
+    if not plain and not _holds(value, _is_masked, True):
+        with contextlib.suppress(TypeError, ValueError, OverflowError):
+            array = np.asarray(value)
+    if array is not None and array.dtype.kind in "iuf":
+        return ""
+    numbers = [] if array is None or array.dtype.kind != "O" else array.ravel().tolist()
+    if numbers and all(map(_is_real, numbers)):  # integers of any size
+        fits = all(map(_is_float, numbers))
+        return "" if fits else "holds a number too large for a float"
     order = ": give a list, values of joints in the order of arm.joints"
-    hint = order if isinstance(value, Mapping) else ""
-    return ConfigurationError(f"{name} must be {_NUMBERS}, got {shown(value)}{hint}")
+    return f"must be {_NUMBERS}, got {shown(value)}{order * isinstance(value, Mapping)}"
 
 
 def _holds(
@@ -286,7 +300,7 @@ def _sequence(item: _Kind | None, once: bool = False) -> _Kind:
     def fits(value: Any) -> bool:
         if isinstance(value, str):
             return text
-        if isinstance(value, np.ndarray) and (text or not _are_numbers(value) or not value.ndim):
+        if isinstance(value, np.ndarray) and (text or not value.ndim or _no_numbers(value)):
             return False
         # No generator, which is empty the second time.
         plain = isinstance(value, Collection) and not isinstance(value, bytes | bytearray | Mapping)
@@ -296,12 +310,16 @@ def _sequence(item: _Kind | None, once: bool = False) -> _Kind:
 
 
 def _is_number(value: Any) -> bool:
-    if not _is_real(value):
-        return False
+    return _is_real(value) and _is_float(value) and not math.isnan(value)  # NaN is no number
+
+
+def _is_float(value: Any) -> bool:
+    """Return True if a real number is not too large for a float."""
     try:
-        return not math.isnan(float(value))  # NaN is no number
-    except OverflowError:  # an integer beyond all floats
+        float(value)
+    except OverflowError:
         return False
+    return True
 
 
 def _is_real(value: Any) -> bool:
@@ -328,39 +346,9 @@ def _is_mask(value: Any) -> bool:
     return False
 
 
-def _are_numbers(value: Any) -> bool:
-    """Return True if NumPy would make floats of a value without losing anything."""
-    if type(value) is np.ndarray and value.dtype.kind == "f":  # most often: not masked, as it is
-        return True
-    if (array := _reals(value)) is None:
-        return False
-    if array.dtype.kind == "O":  # integers of any size
-        try:
-            array.astype(float)
-        except OverflowError:
-            return False
-    return True
-
-
-def _reals(value: Any) -> NDArray[Any] | None:
-    """Return an array of real numbers of whatever size, None if a value is none."""
-    plain = isinstance(value, str | bytes | bytearray | Mapping | type(None))
-    if plain or _holds(value, _is_masked, True):
-        return None
-    try:
-        array = np.asarray(value)
-    except (TypeError, ValueError, OverflowError):
-        return None
-    if array.dtype.kind == "O":
-        return array if array.size > 0 and all(map(_is_real, array.flat)) else None
-    return array if array.dtype.kind in "iuf" else None
-
-
 def _is_masked(value: Any) -> bool:
-    # Who has a masked array has imported numpy.ma; importing it here would cost each start 25 ms.
-    ma = sys.modules.get("numpy.ma")
-    kind = getattr(ma, "MaskedArray", None)  # another thread may be at importing it just now
-    return kind is not None and isinstance(value, kind)
+    # Without numpy.ma, whose import would cost each start 25 ms.
+    return isinstance(value, np.ndarray) and hasattr(type(value), "mask")
 
 
 _PLAIN: dict[Any, _Kind | None] = {
@@ -370,7 +358,7 @@ _PLAIN: dict[Any, _Kind | None] = {
     int: _Kind("a whole number", _is_count),
     float: _Kind("a number", _is_number),
     str: _Kind("text", lambda v: isinstance(v, str)),
-    **dict.fromkeys((_ArrayLike, np.ndarray), _Kind(_NUMBERS, lambda v: _are_numbers(v))),
+    **dict.fromkeys((_ArrayLike, np.ndarray), _Kind(_NUMBERS, lambda v: not _no_numbers(v))),
     Bool: _Kind("a mask", _is_mask),
     Callable: _Kind("a function", callable),
     os.PathLike: _Kind("a path", lambda v: isinstance(v, os.PathLike)),
@@ -617,7 +605,7 @@ def _decode(kind: Any, value: Any) -> Any:
             return tuple(_decode(args[0], v) for v in items)
         return tuple(_decode(a, v) for a, v in zip(args, items, strict=True))
     if origin in (dict, Mapping) or getattr(origin, "__name__", "") == "Mapping":
-        return {_key(args[0], k): _decode(args[1], v) for k, v in _expect(dict, value).items()}
+        return {_decode(args[0], k): _decode(args[1], v) for k, v in _expect(dict, value).items()}
     if origin in (np.ndarray, NDArray):  # the latter is an alias with a name from NumPy 2.5 on
         scalar = args[0] if origin is NDArray else typing.get_args(args[1])[0]
         return _array(scalar if isinstance(scalar, type) else np.float64, value)
@@ -642,12 +630,6 @@ def _expect(kind: type, value: Any) -> Any:
     if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
         raise TypeError(f"found {type(value).__name__} where {kind.__name__} belongs")
     return value
-
-
-def _key(kind: Any, key: str) -> Any:
-    """Keys are text in JSON, whatever they were."""
-    _whole(key)
-    return kind(key) if kind in (int, float) else key
 
 
 def _array(scalar: type[np.generic], value: Any) -> Any:
