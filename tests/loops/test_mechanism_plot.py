@@ -341,10 +341,6 @@ def test_what_stands_upright_is_drawn_over_x_and_z(tmp_path):
     assert len({tuple(np.round(p, 9)) for p in forearm.get_xy()}) == 3
 
 
-FIVE_BAR = {"robot": str(URDF / "five_bar.urdf")}
-LOOPS = URDF / "five_bar.loops.yaml"
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("sign", tiered("+-", "+"))
 def test_lines_of_the_map_lie_on_the_closed_forms(sign):
@@ -376,13 +372,13 @@ def test_maps_of_the_two_modes_differ_and_are_mirror_images():
 def test_plots_are_written(kind, tmp_path):
     out = tmp_path / f"{kind}.png"
     asked = [] if kind == "map" else [joint_values("60,60", "--q", True)]
-    plot_loops(LOOPS, kind=kind, out=out, configurations=asked, deg=True, dpi=50, **FIVE_BAR)
+    plot_loops(shipped("five_bar"), kind=kind, out=out, configurations=asked, deg=True, dpi=50)
     assert out.stat().st_size > 5_000
 
 
 def test_loops_alone_means_the_file_beside_and_its_absence_is_said():
-    def told(loops, **options):
-        click.echo(f"{loops.name} {sorted(options.items())}")
+    def told(mechanism, robot, html):
+        click.echo(f"{mechanism.loop_file.name} of {robot} to {html}")
 
     @command("arm", mechanism=told)
     def of_arm(robot: str = argument(), html: str | None = option(None, "-o")) -> None:
@@ -391,12 +387,12 @@ def test_loops_alone_means_the_file_beside_and_its_absence_is_said():
     def said(*words):
         return CliRunner().invoke(of_arm, words)
 
-    taken = "gough_stewart.loops.yaml [('html', 'a'), ('robot', 'gough_stewart')]\n"
+    taken = "gough_stewart.loops.yaml of gough_stewart to a\n"
     assert said("gough_stewart", "--loops", "-o", "a").output == taken
     assert said("gough_stewart", "-o", "a", "--loops").output == taken
     # Without it the file is found, which is said; --no-loops leaves the loops out.
     done = said("gough_stewart")
-    assert done.stdout.startswith("gough_stewart.loops.yaml [")
+    assert done.stdout == "gough_stewart.loops.yaml of gough_stewart to None\n"
     assert "--no-loops takes a serial chain" in done.stderr
     assert said("gough_stewart", "--no-loops").output == "arm gough_stewart\n"
     for robot in ("ur5", ".", "<robot/>"):
@@ -405,7 +401,7 @@ def test_loops_alone_means_the_file_beside_and_its_absence_is_said():
 
 
 def test_what_the_time_of_an_analysis_leaves_out_is_said_and_the_rest_kept(capsys):
-    assert analyze_loops(LOOPS, seconds=1e-9, **FIVE_BAR) == 130
+    assert analyze_loops(shipped("five_bar"), "five_bar", seconds=1e-9) == 130
     said = " ".join(capsys.readouterr().out.split())
     assert "2 assembly modes" in said
     assert "Missing: - working modes: not begun, the time of 1e-09 s was up" in said
@@ -414,7 +410,7 @@ def test_what_the_time_of_an_analysis_leaves_out_is_said_and_the_rest_kept(capsy
     for claim in ("none (neither", "missed", "in nothing"):
         assert claim not in said
     with pytest.raises(OptionError, match="seconds must be positive, got 0"):
-        analyze_loops(LOOPS, seconds=0.0, **FIVE_BAR)
+        analyze_loops(shipped("five_bar"), "five_bar", seconds=0.0)
 
 
 @pytest.mark.slow
@@ -437,7 +433,7 @@ def test_ctrl_c_keeps_what_an_analysis_has_done(monkeypatch, capsys, tmp_path):
     assert MechanismAnalysis.from_dict(cut.to_dict()).missing == cut.missing
     # A page or a report of half an analysis is none.
     with pytest.raises(KeyboardInterrupt):
-        view_loops(LOOPS, html=tmp_path / "page.html", **FIVE_BAR)
+        view_loops(shipped("five_bar"), html=tmp_path / "page.html")
     assert not (tmp_path / "page.html").exists()
 
 

@@ -127,12 +127,11 @@ def test_the_command_serves_until_it_is_ended() -> None:
 def test_a_saved_analysis_must_be_of_this_mechanism(tmp_path: Path) -> None:
     saved = tmp_path / "saved.json"
     saved.write_text(analyzed("four_bar").to_json())
-    file = URDF / "five_bar.urdf"
     with pytest.raises(ResultError, match="not of this mechanism"):
-        view_loops(file.with_suffix(".loops.yaml"), robot=str(file), analysis=saved)
+        view_loops(shipped("five_bar"), analysis=saved)
     saved.write_text("{}")
     with pytest.raises(ResultError, match=r"saved\.json: expected data of schema"):
-        view_loops(file.with_suffix(".loops.yaml"), robot=str(file), analysis=saved)
+        view_loops(shipped("five_bar"), analysis=saved)
 
 
 def settled(page: Any) -> None:

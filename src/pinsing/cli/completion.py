@@ -92,14 +92,6 @@ def robots(ctx: click.Context, param: click.Parameter, incomplete: str) -> Offer
 
 
 @_quiet
-def known(ctx: click.Context, param: click.Parameter, incomplete: str) -> Offered:
-    """Known robots alone."""
-    from pinsing.description.catalog import known_robots
-
-    return _starting(((e.name, e.title) for e in known_robots().values()), incomplete)
-
-
-@_quiet
 def files(ctx: click.Context, param: click.Parameter, incomplete: str) -> Offered:
     """Whatever files there are."""
     return [CompletionItem(incomplete, type="file")]

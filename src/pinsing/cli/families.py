@@ -61,7 +61,7 @@ from pinsing.cli.output import (
     run_place,
     run_progress,
     say,
-    say_stopped,
+    stopped,
     waiting,
 )
 from pinsing.errors import OptionError, RobotFileError
@@ -69,7 +69,6 @@ from pinsing.prose import Page
 
 if TYPE_CHECKING:
     from pinsing.families.solve import Prove
-    from pinsing.robot.arm import Arm
 
 
 RAW_ANGLE_TOL = 1e-10
@@ -145,11 +144,11 @@ def sweep_options(
     seed: int = option(type=click.IntRange(min=0), default=0),
     raw: bool = option("Everything on the numbers of the file as they are."),
     nominal: bool = option("Everything on the nominal geometry: rounding taken out."),
-) -> Callable[[Arm], dict[str, Any]]:
+) -> Callable[[robot.Arm], dict[str, Any]]:
     """What to sweep: of an arm, keyword arguments of `analyze`."""
     OptionError.refuse_if(raw and nominal, "--raw and --nominal exclude each other")
 
-    def chosen(arm: Arm) -> dict[str, Any]:
+    def chosen(arm: robot.Arm) -> dict[str, Any]:
         given = chosen_for(
             arm,
             special=special,
@@ -196,7 +195,7 @@ def place_options(
 @command("sweep")
 def sweep_command(
     request: RobotRequest = arm_options,
-    sweep: Callable[[Arm], dict[str, Any]] = sweep_options,
+    sweep: Callable[[robot.Arm], dict[str, Any]] = sweep_options,
     no_keep: bool = option("Leave the curves out.  [default: kept up to 64 MiB]"),
     chunk: int | None = option(
         "Jacobians of a chunk, more or less.", type=click.IntRange(min=1), metavar="N"
@@ -259,8 +258,7 @@ def sweep_command(
         told = True
     except KeyboardInterrupt:  # what was swept is an answer without them
         if result is None:
-            say_stopped(folder)
-            return STOPPED
+            stopped(folder)
         note = "stopped before the dips were refined and generalised: there are no findings"
         result = replace(result, notes=(*result.notes, note))
     if json_target is None or not emit_json_data(
@@ -268,8 +266,7 @@ def sweep_command(
     ):
         emit(sweep_text(result, findings if told else None, Page.of(), deg))
     if not (told and result.complete):
-        say_stopped(folder)
-        return STOPPED
+        stopped(folder)
     met = any(f.status == "singular" and f.reachable is True for f in findings)
     return int(fail_if_singular and met)
 
@@ -278,7 +275,7 @@ def sweep_command(
 def analyze_command(
     all_joints: bool = option("With --loops: values of all joints in each mode."),
     request: RobotRequest = arm_options,
-    sweep: Callable[[Arm], dict[str, Any]] = sweep_options,
+    sweep: Callable[[robot.Arm], dict[str, Any]] = sweep_options,
     algebra: dict[str, Any] = algebra_options,
     random_starts: int | None = option(
         "Random starts refined as an independent check.  [default: 300]",
@@ -322,7 +319,7 @@ def _steps(text: str, option: str, degrees: bool | None) -> Any:
     )
     found = [(name.strip(), whole_number(number, option)) for name, _, number in parts]
 
-    def each(arm: Arm) -> dict[str, int]:
+    def each(arm: robot.Arm) -> dict[str, int]:
         joints = joint_names(arm, [name for name, _ in found])
         OptionError.refuse_if(
             len({*joints}) < len(joints), f"{option} {text!r} names a joint twice"
@@ -351,7 +348,7 @@ def map_command(
     map_joints: tuple[str, ...] | None = option(
         "Joints to map.  [default: all that matter]", type=NAMES, shell_complete=completion.joints
     ),
-    ranges: tuple[Callable[[Arm], Any], ...] = option(
+    ranges: tuple[Callable[[robot.Arm], Any], ...] = option(
         "Range of a joint instead of its limits; repeatable.",
         "--range",
         type=at_joint("JOINT=LOW,HIGH", 2),
@@ -412,13 +409,11 @@ def map_command(
             )
     except KeyboardInterrupt:  # what is complete is told, however late that came
         if result is None:
-            say_stopped(out)
-            return STOPPED
+            stopped(out)
     if not emit_json(result, json_target):
         emit(result.text(Page.of(), in_degrees(deg)))
     if not result.complete:
-        say_stopped(out)
-        return STOPPED
+        stopped(out)
     return int(fail_if_singular and result.singular > 0)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pinsing.cli import STOPPED
-from pinsing.cli.options import CHAIN, JointValues, given_beside, in_degrees, loops_at_hand
+from pinsing.cli.options import JointValues, in_degrees, loops_at_hand
 from pinsing.cli.output import emit, emit_json, emit_lines, read_result, say, show_page
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.prose import Page
@@ -23,23 +23,9 @@ if TYPE_CHECKING:
     from pinsing.robot.mechanism import Mechanism
     from pinsing.view.mechanism_viewer import MechanismViewer
 
-_ARM_MAPS: dict[str, Any] = {
-    "sampling": "sobol", "measure": "sigma", "steps": None, "map_joints": None, "ranges": (),
-    "q": None, "out": None, "keep_values": False, "chunk": None, "engine": "auto",
-    "threads": None, "workers": None, "dask": None,
-}  # fmt: skip
-"""Options of ``map`` that arms alone have, and what they are if not given."""
-
-_ARM_ANALYSIS: dict[str, Any] = {
-    "nominal_q": None, "special": None, "levels": None, "samples": None, "sweep_joints": None,
-    "no_prune": False, "random_starts": None, "angle_tol": None, "snap_length": None,
-    "raw": False, "nominal": False,
-}  # fmt: skip
-"""Options of ``analyze`` that arms alone have, and what they are if not given."""
-
 
 def map_loops(
-    loops: Path,
+    mechanism: Mechanism,
     over: str | None = None,
     count: int | None = None,
     seed: int = 0,
@@ -48,17 +34,10 @@ def map_loops(
     deg: bool = False,
     json_target: str | Path | None = None,
     fail_if_singular: bool = False,
-    **options: Any,
 ) -> int:
     """``map --loops``: how near to singular a mechanism is, over inputs or poses."""
     from pinsing.loops.map import map_text, mechanism_map
 
-    if given := given_beside(options, _ARM_MAPS):
-        name = given[0].replace("ranges", "range")
-        raise OptionError(
-            f"{name} does not go with --loops: a mechanism is mapped at random inputs or poses"
-        )
-    mechanism = read(loops, options)
     if not ignore_limits:
         tell_of_limits(mechanism)
     number = 10_000 if count is None else count
@@ -72,33 +51,26 @@ def map_loops(
 
 
 def analyze_loops(
-    loops: Path,
+    mechanism: Mechanism,
+    robot: str,
     json_target: str | Path | None = None,
     fail_if_singular: bool = False,
     deg: bool = False,
     ignore_limits: bool = False,
     all_joints: bool = False,
-    **options: Any,
+    seconds: float | None = None,
 ) -> int:
     """``analyze --loops``: modes, ranges, singular points and loci of a mechanism."""
     from pinsing.loops import analyze_mechanism
     from pinsing.loops.analysis import analysis_answer, analysis_text
 
-    if given := given_beside(options, _ARM_ANALYSIS):
-        raise OptionError(
-            f"{given[0]} does not go with --loops: a mechanism has no sweep of joints by level, "
-            "and its lengths and angles are taken as they are written"
-        )
-    mechanism = read(loops, options)
-    analysis = analyze_mechanism(
-        mechanism, ignore_limits=ignore_limits, seconds=options.get("seconds")
-    )
+    analysis = analyze_mechanism(mechanism, ignore_limits=ignore_limits, seconds=seconds)
     if not emit_json(analysis, json_target):
         sliding = [
             n for n, slides in zip(mechanism.joints, mechanism.prismatic, strict=True) if slides
         ]
         degrees = in_degrees(deg)
-        emit_lines(analysis_answer(analysis, degrees, sliding, _named(loops, options["robot"])))
+        emit_lines(analysis_answer(analysis, degrees, sliding, _named(mechanism, robot)))
         emit("\n" + analysis_text(analysis, Page.of(), degrees, sliding, all_joints or None))
     for check in analysis.checks:
         if not check.passed:
@@ -107,19 +79,17 @@ def analyze_loops(
 
 
 def families_loops(
-    loops: Path,
+    mechanism: Mechanism,
+    robot: str,
     json_target: str | Path | None = None,
     fail_if_singular: bool = False,
     deg: bool = False,
     verbose: bool = False,
     exact: bool = False,
-    latex: bool = False,
     prove: Prove = "auto",
     certificate: Path | None = None,
     system: Path | None = None,
-    chosen: tuple[str, ...] = (),
     seconds: float | None = None,
-    **options: Any,
 ) -> int:
     """``families --loops``: the loci as equations, over inputs or pose, and in all joint angles."""
     from pinsing.loops import joint_forms, loop_forms, pose_forms
@@ -127,13 +97,9 @@ def families_loops(
     from pinsing.loops.legs import why_no_rods
 
     OptionError.refuse_if(
-        latex, "--latex does not go with --loops: mechanisms have their equations as text"
-    )
-    OptionError.refuse_if(
-        system is not None or chosen,
+        system is not None,
         "equations of a mechanism go to -o FILE.json only, all families together",
     )
-    mechanism = read(loops, options)
     forms = loop_forms(mechanism)
     found = pose_forms(mechanism) if forms is None else forms
     joints = joint_forms(mechanism)
@@ -157,8 +123,8 @@ def families_loops(
     if found is None:
         say(f"note: no closed forms over the pose: {why_no_rods(mechanism)}")
     if not emit_json(whole, json_target):
-        robot = _named(loops, options["robot"])
-        emit_lines(_loci_answer(mechanism, joints if found is None else found, robot))
+        named = _named(mechanism, robot)
+        emit_lines(_loci_answer(mechanism, joints if found is None else found, named))
         if verbose or exact:
             emit("\n" + forms_text(mechanism.inputs, found, Page.of(), deg, exact, joints))
     if proven:
@@ -180,10 +146,10 @@ def _loci_answer(mechanism: Mechanism, found: Any, robot: str) -> str:
     return "\n".join([f"{mechanism.name}: {count}", "", *rows, *following])
 
 
-def _named(loops: Path, robot: str) -> str:
+def _named(mechanism: Mechanism, robot: str) -> str:
     """The mechanism as it is typed: its loops too, where they are not found beside it."""
-    beside = loops_at_hand(robot)
-    same = beside is not None and beside.samefile(loops)
+    loops, beside = mechanism.loop_file, loops_at_hand(robot)
+    same = loops is None or (beside is not None and beside.samefile(loops))
     return shlex.join([robot, *([] if same else ["--loops", str(loops)])])
 
 
@@ -213,22 +179,21 @@ def _tell_legs(found: Sequence[LegProof], certificate: Path | None, shown: bool)
 
 
 def view_loops(
-    loops: Path,
+    mechanism: Mechanism,
     poses: Sequence[JointValues] = (),
     analysis: Path | None = None,
     family: str | None = None,
-    follow: Path | None = None,
     html: Path | None = None,
     png: Path | None = None,
     scale: float = 1.0,
     skeleton: bool = False,
-    **options: Any,
+    size: tuple[int, int] = (1200, 900),
+    panel: bool = False,
+    host: str = "127.0.0.1",
+    port: int | None = None,
+    no_open: bool = False,
 ) -> None:
     """Open or write a page in which inputs are dragged, or a picture (``panel``: of the page)."""
-    OptionError.refuse_if(
-        follow is not None, "--follow shows serial arms alone: give --no-loops, or leave it out"
-    )
-    mechanism = read(loops, options)
     inputs = typed_inputs(mechanism, poses)
     saved = None if analysis is None else _saved(analysis, mechanism)
     # What is typed and can still be refused is judged before a browser opens.
@@ -251,10 +216,10 @@ def view_loops(
             viewer.show_group(family)
         return viewer
 
-    live = html is None and png is None
-    asked = ("size", "panel", "host", "port", "no_open")
-    page = {name: options[name] for name in asked if name in options}
-    show_page(mechanism.name, made, live, late=late, html=html, png=png, **page)
+    show_page(
+        mechanism.name, made, html is None and png is None, late=late, html=html, png=png,
+        size=size, panel=panel, host=host, port=port, no_open=no_open,
+    )  # fmt: skip
 
 
 def _saved(path: Path, mechanism: Mechanism) -> MechanismAnalysis:
@@ -268,26 +233,6 @@ def _saved(path: Path, mechanism: Mechanism) -> MechanismAnalysis:
         f"{', '.join(saved.inputs)}, not of this mechanism",
     )
     return saved
-
-
-def read(loops: Path, options: dict[str, Any]) -> Mechanism:
-    """Return the mechanism that a command's options mean; OptionError for one of arms."""
-    from pinsing.robot.mechanism import load_mechanism
-
-    OptionError.refuse_if(
-        wrong := given_beside(options, CHAIN),
-        f"{' and '.join(wrong)} does not go with --loops: the loop file names the output, "
-        "its rows and the actuated joints",
-    )
-    mechanism = load_mechanism(
-        options["robot"],
-        loops,
-        dict(options.get("packages", ())),
-        length_scale=options.get("length_scale", 1.0),
-    )
-    for note in mechanism.notes:
-        say(f"note: {note}")
-    return mechanism
 
 
 def tell_of_limits(mechanism: Mechanism) -> None:

@@ -81,7 +81,6 @@ if TYPE_CHECKING:
     from pinsing.measures import Array
     from pinsing.proximity.clearance import Distances, FamilyDistance
     from pinsing.proximity.trajectory_file import TrajectoryFile
-    from pinsing.robot.arm import Arm
 
 
 def _tell(found: Any, json_target: str | Path | None, deg: bool) -> None:
@@ -194,7 +193,7 @@ def _in_degrees(units: str | None) -> bool | None:
 
 
 def read_samples(
-    file: Path, arm: Arm, units: str | None, columns: tuple[str, ...] | None
+    file: Path, arm: robot.Arm, units: str | None, columns: tuple[str, ...] | None
 ) -> TrajectoryFile:
     """Read a trajectory as the options say, and print what was assumed."""
     from pinsing.proximity.crossings import check_times
@@ -307,7 +306,11 @@ def check_command(
 
 
 def with_aspects(
-    check: proximity.TrajectoryCheck, arm: Arm, form: families.ClosedForm, Q: Array, t: Array | None
+    check: proximity.TrajectoryCheck,
+    arm: robot.Arm,
+    form: families.ClosedForm,
+    Q: Array,
+    t: Array | None,
 ) -> proximity.TrajectoryCheck:
     """Return a check with the changes of aspect, where it crosses, and the posture to start in."""
     if all(c.kind != "crossing" for c in check.crossings):
@@ -324,7 +327,9 @@ def with_aspects(
     return replace(check, aspect_changes=changes, other=other, alone=alone and not check.outside)
 
 
-def _posture_of_the_end(arm: Arm, Q: Array, found: postures.Aspects) -> tuple[Array | None, bool]:
+def _posture_of_the_end(
+    arm: robot.Arm, Q: Array, found: postures.Aspects
+) -> tuple[Array | None, bool]:
     """Another posture of the first pose, in the aspect that the end is in; whether none is left."""
     from pinsing.kinematics.jacobian import tip_placement
 
@@ -343,7 +348,7 @@ def _posture_of_the_end(arm: Arm, Q: Array, found: postures.Aspects) -> tuple[Ar
 
 
 def _followed(
-    arm: Arm, file: Path, degrees: bool | None, near: float, more: Mapping[str, Any]
+    arm: robot.Arm, file: Path, degrees: bool | None, near: float, more: Mapping[str, Any]
 ) -> int:
     """Judge each line that comes. A plain file is read whole; of a live stream, old lines go."""
     from pinsing._batch import engine
@@ -542,7 +547,7 @@ def _amount(value: float, degrees: bool, sign: str = "") -> str:
     return f"{math.degrees(value):{sign}.4g}°" if degrees else f"{value:{sign}.4g}"
 
 
-def _distances(arm: Arm, q: Array) -> tuple[families.ClosedForm, Distances] | None:
+def _distances(arm: robot.Arm, q: Array) -> tuple[families.ClosedForm, Distances] | None:
     """Distances to all families; none, and why, where closed forms are not to be had."""
     from pinsing.families.solve import form_to_measure
     from pinsing.proximity.clearance import distances

@@ -8,7 +8,7 @@ import itertools
 import math
 import re
 import shlex
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -733,16 +733,43 @@ _LOOPS = (
 )
 
 
-CHAIN: dict[str, Any] = {
-    "tip": None, "base": None, "joints": None, "tool_axis": None, "zones": None, "design": None,
-    "calibration": None, "task": "pose",
-}  # fmt: skip
-"""Options that choose a serial chain or its task, and what they are if not given."""
+_CHAIN = ("tip", "base", "joints", "task", "tool_axis", "zones", "design", "calibration")
+"""Options that choose a serial chain or its task."""
 
 
-def given_beside(options: Mapping[str, Any], usual: Mapping[str, Any]) -> list[str]:
-    """Return the options that are not as they are if not given, as they are typed."""
-    return [f"--{name.replace('_', '-')}" for name, x in usual.items() if options.get(name, x) != x]
+def _given(names: Container[str | None]) -> list[str]:
+    """Return which options of these names were typed, and say something else than is usual."""
+    context = click.get_current_context()
+    return [
+        p.opts[0]
+        for p in context.command.params
+        if p.name in names
+        and context.get_parameter_source(str(p.name)) is ParameterSource.COMMANDLINE
+        and context.params[str(p.name)] != p.default
+    ]
+
+
+def _made_of(function: Callable[..., Any], loops: Path, typed: Mapping[str, Any]) -> Any:
+    """What a command makes of a mechanism: options that its function does not take are refused."""
+    from pinsing.robot.mechanism import load_mechanism
+
+    takes = inspect.signature(function).parameters
+    passed = {*takes, "robot", "packages", "length_scale", "deg", "loops", "no_loops"}
+    options = {p.name for p in click.get_current_context().command.params if p.expose_value}
+    other = _given(options - passed)
+    other += [f"-o {file}" for name, file in typed.items() if file and name not in options | passed]
+    does, it = ("does", "it") if len(other) == 1 else ("do", "them")
+    OptionError.refuse_if(
+        other,
+        f"{' and '.join(other)} {does} not go with --loops: leave {it} out, or take a serial chain "
+        "with --no-loops",
+    )
+    made = load_mechanism(
+        typed["robot"], loops, typed.get("packages"), length_scale=typed.get("length_scale", 1.0)
+    )
+    for note in made.notes:
+        say(f"note: {note}")
+    return function(made, **{name: typed[name] for name in takes if name in typed})
 
 
 def command(
@@ -750,13 +777,14 @@ def command(
 ) -> Callable[[Callable[..., Any]], GroupedCommand]:
     """Make a `GroupedCommand` of a function whose parameters have for defaults how they are typed.
 
-    With ``--loops``, ``mechanism`` is called instead, with the file and all that was typed.
+    With ``--loops``, ``mechanism`` is called instead, with the mechanism and what it takes of all
+    that was typed.
     """
 
     def decorate(function: Callable[..., Any]) -> GroupedCommand:
         def run(loops: Path | None = None, no_loops: bool = False, **typed: Any) -> Any:
             if mechanism is not None and (file := _loops_of(loops, no_loops, typed)) is not None:
-                return mechanism(file, **typed)
+                return _made_of(mechanism, file, typed)
             for value in typed.values():
                 OutputError.refuse_if(
                     isinstance(value, Path) and _is_robot(value, typed.get("robot")),
@@ -782,7 +810,7 @@ def _loops_of(loops: Path | None, no_loops: bool, typed: dict[str, Any]) -> Path
     """The loop file that was typed, or that is beside the robot where a mechanism may be meant."""
     if loops == Path():
         return loops_beside(typed["robot"])
-    if loops is None and not no_loops and not given_beside(typed, CHAIN):
+    if loops is None and not no_loops and not _given(_CHAIN):
         loops = loops_at_hand(typed["robot"])
         if loops is not None:
             say(f"note: closed loops are those of {loops}; --no-loops takes a serial chain")

@@ -24,12 +24,13 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 from click.core import ParameterSource
 
 from pinsing.atomic_write import write_bytes, write_text
+from pinsing.cli import STOPPED
 from pinsing.errors import (
     ConfigurationError,
     OptionError,
@@ -513,15 +514,15 @@ def _only_our_lines() -> Iterator[None]:
         logging.disable(before)
 
 
-def say_stopped(out: Path | None) -> None:
-    """Tell how to resume after Ctrl-C."""
+def stopped(out: Path | None) -> NoReturn:
+    """End a run after Ctrl-C, and tell how to resume it."""
     if out is None:
         say("stopped; a run with -o FOLDER can be resumed")
-        return
-    context = click.get_current_context(silent=True)
-    words = [] if context is None else context.find_root().meta.get(WORDS, [])
-    same = f" ({shlex.join(words)})" if words else ""
-    say(f"stopped; what is done is in {out}: run the same command to resume{same}")
+    else:
+        words = click.get_current_context().find_root().meta.get(WORDS, [])
+        same = f" ({shlex.join(words)})" if words else ""
+        say(f"stopped; what is done is in {out}: run the same command to resume{same}")
+    raise click.exceptions.Exit(STOPPED)
 
 
 _AFTER = 1.0  # seconds that pass in silence

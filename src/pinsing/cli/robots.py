@@ -65,7 +65,7 @@ def info_command(
 
 @command("list")
 def list_command(
-    word: str = argument(required=False, default="", shell_complete=completion.known),
+    word: str = argument(required=False, default="", shell_complete=completion.robots),
     json_target: str | Path | None = json_option,
 ) -> None:
     """List the robots known by name; with WORD, those that have it in their name or title.

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import click
 
-from pinsing import families, kinematics, plot, proximity, robot, sampling, view
+from pinsing import families, kinematics, plot, proximity, report, robot, sampling, view
 from pinsing.cli import completion
 from pinsing.cli.families import algebra_options, prove_option
-from pinsing.cli.mechanism import read, tell_of_limits, typed_inputs, view_loops
+from pinsing.cli.mechanism import tell_of_limits, typed_inputs, view_loops
 from pinsing.cli.motion import columns_option, read_samples, units_option, with_aspects
 from pinsing.cli.options import (
     NAMES,
@@ -30,7 +30,6 @@ from pinsing.cli.options import (
     command,
     deg_option,
     follow_option,
-    given_beside,
     group,
     in_degrees,
     joint_names,
@@ -56,16 +55,12 @@ from pinsing.prose import Page
 if TYPE_CHECKING:
     from pinsing.families.solve import Prove
     from pinsing.measures import Array
-    from pinsing.robot.arm import Arm
 
 _LOOP_PLOTS = ("map", "curves", "ellipsoids", "modes")
-_ARM_PLOTS: dict[str, Any] = {
-    "fixed": (), "only": (), "each": None, "motions": None, "measure": "sigma",
-}  # fmt: skip
 
 
 def plot_loops(
-    loops: Path,
+    mechanism: robot.Mechanism,
     kind: str,
     out: Path,
     configurations: Sequence[JointValues] = (),
@@ -73,7 +68,6 @@ def plot_loops(
     deg: bool = False,
     over: Sequence[str] | None = None,
     ignore_limits: bool = False,
-    **options: Any,
 ) -> None:
     """Draw ``plot --loops``: maps over the pose or the inputs, measures, the linkage, its modes.
 
@@ -91,9 +85,6 @@ def plot_loops(
     OptionError.refuse_if(
         over is not None and kind != "map", "--over goes with plot map --loops: --over x,y"
     )
-    if given := given_beside(options, _ARM_PLOTS):
-        raise OptionError(f"{given[0].replace('only', 'family')} does not go with plot --loops")
-    mechanism = read(loops, options)
     if ignore_limits:
         mechanism = mechanism.without_limits()
     tell_of_limits(mechanism)
@@ -173,7 +164,7 @@ def plot_command(
         metavar="A,B",
         shell_complete=completion.joints,
     ),
-    fixed: tuple[Callable[[Arm], Any], ...] = option(
+    fixed: tuple[Callable[[robot.Arm], Any], ...] = option(
         "curves: joint held at a special value; repeatable.",
         multiple=True,
         type=at_joint("JOINT=VALUE", 1),
@@ -185,7 +176,7 @@ def plot_command(
         multiple=True,
         metavar="NAME",
     ),
-    each: Callable[[Arm], Any] | None = option(
+    each: Callable[[robot.Arm], Any] | None = option(
         "locus: values of a third joint, a curve for each.",
         type=at_joint("JOINT=V1,V2,..."),
         shell_complete=completion.joint_value,
@@ -293,7 +284,7 @@ def _way(stations: list[Array]) -> Array:
     return np.stack([np.interp(part, np.arange(len(stations)), x) for x in columns], axis=1)
 
 
-def _families(arm: Arm, names: tuple[str, ...]) -> list[families.Family]:
+def _families(arm: robot.Arm, names: tuple[str, ...]) -> list[families.Family]:
     """The families of these names or titles."""
     from pinsing.proximity.clearance import watch
 
@@ -304,31 +295,20 @@ PAGES = ("inside", "beside", "none")
 
 
 def _report_loops(
-    loops: Path,
+    mechanism: robot.Mechanism,
     html: Path | None = None,
     pdf: Path | None = None,
     page: str = "inside",
     skeleton: bool = False,
     poses: tuple[JointValues, ...] = (),
-    prove: Prove = "auto",
-    **options: Any,
 ) -> None:
     """``report --loops``: of a mechanism."""
     _check_pdf(pdf)
-    OptionError.refuse_if(
-        prove != "auto", "--prove does not go with --loops: there are certificates of arms only"
-    )
-    for name in ("trajectory", "zones", "units", "columns"):
-        OptionError.refuse_if(
-            options[name] is not None,
-            f"--{name} is for arms: leave it out, or take one with --no-loops",
-        )
-    mechanism = read(loops, options)
     given = {
         f"given configuration {k}": typed_inputs(mechanism, [values])
         for k, values in enumerate(poses, 1)
     }
-    _write(mechanism, html, pdf, page, skeleton, given, None)
+    _write(mechanism, html, pdf, page=page, skeleton=skeleton, poses=given)
 
 
 @command("report", mechanism=_report_loops, needs_output=True)
@@ -386,7 +366,10 @@ def report_command(
         check = proximity.check_trajectory(arm, way.Q, way.t, forms=forms)
         check = with_aspects(check, arm, forms, way.Q, way.t)
         judged = Trajectory(check, way.Q, way.t, trajectory.name, request.words, way.notes)
-    _write(arm, html, pdf, page, skeleton, given, forms, judged, zones)
+    _write(
+        arm, html, pdf, page=page, skeleton=skeleton, poses=given, forms=forms, trajectory=judged,
+        zones=zones,
+    )  # fmt: skip
     from pinsing.families.form import answer_text
 
     file = "path.csv"
@@ -408,37 +391,15 @@ def _check_pdf(pdf: Path | None) -> None:
 
 
 def _write(
-    subject: Any,
-    html: Path | None,
-    pdf: Path | None,
-    page: str,
-    skeleton: bool,
-    poses: dict[str, Array],
-    forms: Any,
-    trajectory: Any = None,
-    zones: Any = None,
+    subject: robot.Arm | robot.Mechanism, html: Path | None, pdf: Path | None, **content: Any
 ) -> None:
-    from pinsing.report.arm_report import write_report
-
     off_screen()
-    where = "none" if html is None else page  # nothing is interactive on paper
-    say("computing families, pictures and the model" if where != "none" else "computing")
-    write_report(
-        subject,
-        html,
-        forms=forms,
-        poses=poses,
-        trajectory=trajectory,
-        zones=zones,
-        page=where,  # type: ignore[arg-type]
-        skeleton=skeleton,
-        pdf=pdf,
-    )
-    if where == "beside" and html is not None:
-        say(f"wrote {html.with_name(f'{html.stem}-model.html')}")
-    for file in (html, pdf):
-        if file is not None:
-            say(f"wrote {file}")
+    if html is None:  # nothing is interactive on paper
+        content["page"] = "none"
+    modelled = content["page"] != "none"
+    say("computing families, pictures and the model" if modelled else "computing")
+    for file in report.write_report(subject, html, pdf=pdf, **content):
+        say(f"wrote {file}")
 
 
 _PICTURE = 0.05
@@ -574,7 +535,7 @@ _Listed: TypeAlias = (
 """Families, findings, and the closed form, which says how sure it is that these are all."""
 
 
-def _find(arm: Arm, at: Callable[[str], None]) -> _Listed:
+def _find(arm: robot.Arm, at: Callable[[str], None]) -> _Listed:
     """Families by algebra; where that has gaps, what a sweep finds as well."""
     at("finding the singular families")
     found = families.closed_form(arm)
@@ -587,7 +548,7 @@ def _find(arm: Arm, at: Callable[[str], None]) -> _Listed:
     return *_parts(sampling.analyze(arm)), found
 
 
-def _read(path: Path, arm: Arm) -> _Listed:
+def _read(path: Path, arm: robot.Arm) -> _Listed:
     """Families and findings of a saved analysis, or of a saved closed form, of the same arm."""
     saved = read_result(path, families.ClosedForm, sampling.Analysis)
     ResultError.refuse_if(
