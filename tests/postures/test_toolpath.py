@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from command_line import run
+from golden import Golden
 from kernel import needs_kernel
 from tiers import tiered
 
@@ -32,6 +33,7 @@ pytestmark = needs_kernel  # without it a plan takes minutes
 ROOT = Path(__file__).parents[2]
 TORCH = pin.SE3(pin.utils.rotate("x", np.radians(45)), np.array([0.0, 0.05, 0.15])).homogeneous
 FLANGE = np.eye(4)
+BENT_PANDA = [0.1, -0.4, 0.2, -2.0, 0.1, 1.7, 0.6]
 START = np.radians([20, -80, 95, -105, -12, 20])
 
 
@@ -252,27 +254,27 @@ def test_a_long_motion_that_is_clear_is_a_path(free):
     assert "q3 would exceed its speed limit between poses 0 and 1" in slow.reason
 
 
-def test_where_a_limit_ends_the_way_it_is_named(form):
-    model = form.loaded.model.copy()
-    model.lowerPositionLimit[2], model.upperPositionLimit[2] = -2.0, 1.0
-    narrow = pinsing.load(model, tip=form.loaded.tip)
-    q = np.array([[0.1, -1.2, x, -1.0, 0.9, 0.0] for x in (0.99, 1.01)])
-    plan = plan_path(known(narrow), poses_of(form.loaded, *q), start=q[0])
-    assert "1 the way on leaves the limits of elbow_joint: within them the nearest" in plan.reason
-    poses = poses_of(form.loaded, q[0], q[0] + 0.5)
-    model.lowerPositionLimit[2], model.upperPositionLimit[2] = 0.98, 1.0
-    plan = plan_path(known(pinsing.load(model, tip=form.loaded.tip)), poses)
-    assert plan.reason == "at pose 1 every solution is outside the limits of elbow_joint"
-
-
-def test_a_wall_between_two_poses(form):
-    """Within these limits nothing but the wrist's singularity lies between two solutions."""
-    model = form.loaded.model.copy()
-    model.lowerPositionLimit[[2, 4]], model.upperPositionLimit[[2, 4]] = (-1, -0.5), (1, 3)
-    narrow = pinsing.load(model, tip=form.loaded.tip)
-    q = [[0.1, -1.2, 0.8, -1.0, x, 0.0] for x in (0.3, -0.3)]
-    plan = plan_path(known(narrow), poses_of(narrow, *q), start=q[0])
-    assert plan.reason.endswith("crosses wrist (F2) between poses 0 and 1")
+@pytest.mark.parametrize(
+    ("limits", "q", "started", "reason"),
+    [
+        ({2: (-2.0, 1.0)}, [{2: 0.99}, {2: 1.01}], True,
+         "1 the way on leaves the limits of elbow_joint: within them the nearest"),
+        ({2: (0.98, 1.0)}, [{2: 0.99}, {0: 0.6, 1: -0.7, 2: 1.49, 3: -0.5, 4: 1.4, 5: 0.5}], False,
+         "at pose 1 every solution is outside the limits of elbow_joint"),
+        # Within these nothing but the wrist's singularity lies between two solutions.
+        ({2: (-1.0, 1.0), 4: (-0.5, 3.0)}, [{4: 0.3}, {4: -0.3}], True,
+         "crosses wrist (F2) between poses 0 and 1"),
+    ],
+)  # fmt: skip
+def test_what_ends_the_way_within_narrow_limits_is_named(form, limits, q, started, reason):
+    model, Q = form.loaded.model.copy(), np.tile([0.1, -1.2, 0.8, -1.0, 0.9, 0.0], (2, 1))
+    for j, ends in limits.items():
+        model.lowerPositionLimit[j], model.upperPositionLimit[j] = ends
+    for row, other in zip(Q, q, strict=True):
+        row[[*other]] = [*other.values()]
+    narrow = known(pinsing.load(model, tip=form.loaded.tip))
+    plan = plan_path(narrow, poses_of(form.loaded, *Q), start=Q[0] if started else None)
+    assert reason in plan.reason
     assert not len(plan.q)
 
 
@@ -331,12 +333,6 @@ def test_eaik_misses_nothing_that_ours_finds(name, monkeypatch):
             assert np.abs(arm.space.wrap(here - s.q)).max(axis=1).min() < 1e-5
 
 
-def test_toolpaths_say_that_they_need_the_kernel(form, monkeypatch):
-    monkeypatch.setattr(engine, "available", lambda: False)
-    with pytest.raises(EngineError, match="toolpaths need the compiled kernel"):
-        plan_path(form, np.tile(np.eye(4), (2, 1, 1)))
-
-
 @pytest.mark.parametrize("cyclic", [True, False])
 def test_neighbours_are_those_of_the_largest_sum_of_cosines(cyclic):
     """Beside another value a branch that ends turns back, to the nearest other of its own value."""
@@ -388,21 +384,30 @@ def test_an_arm_that_has_no_decomposition_is_followed(form, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_seventh_joint_is_free():
+@pytest.mark.parametrize(
+    ("q", "count", "step", "gap"),
+    [(BENT_PANDA, 6, 5, np.inf), ([-0.83, -0.46, 0.6, -1.45, -0.81, 1.74, -0.04], 60, 3, 1)],
+)
+def test_a_seventh_joint_is_free(q, count, step, gap):
+    """Also where the branch moves fast along it the bound is near."""
     form = known("panda")
-    T = poses_of(form.loaded, *[[0.1, -0.4, 0.2, -2.0, 0.1, 1.7, 0.6]] * 6)
-    T[:, 1, 3] += np.linspace(0, 0.1, 6)
-    plan = plan_path(form, T, free=form.loaded.joints[6], step=np.radians(5))
+    T = round_from(*poses_of(form.loaded, q), count, 0.12)
+    plan = plan_path(form, T, free=form.loaded.joints[6], step=np.radians(step))
     reached(form.loaded, plan, T, FLANGE)
     np.testing.assert_allclose(plan.q[:, 6], plan.values, atol=1e-9)
     assert plan.clearance > 0
+    assert 0 <= np.degrees(plan.bound - plan.clearance) < gap
+    only_within(plan, form)
+
+
+@pytest.mark.slow
+def test_what_may_be_free_of_seven_joints_is_said():
+    T = poses_of(pinsing.load("panda"), BENT_PANDA, BENT_PANDA)
     with pytest.raises(OptionError, match=r"7 free joints .* may be one of panda_joint1, "):
-        plan_path(form, T, free="roll")
+        plan_path(known("panda"), T, free="roll")
     # With its elbow held an arm reaches poses of one distance from its shoulder alone.
     with pytest.raises(OptionError, match=r"q4 held do not move .* one of q1, q2, q3, q5, q6, q7"):
         plan_path(known("iiwa7"), T, free="q4")
-    with pytest.raises(OptionError, match="neither branch, roll, nor a joint"):
-        plan_path(form, T, free="elbow")
 
 
 @pytest.mark.parametrize("step", tiered([1, 60], {60}))
@@ -431,21 +436,10 @@ def test_a_path_begins_at_its_start_whatever_the_grid(step):
 
 
 @pytest.mark.slow
-def test_the_bound_is_near_where_the_branch_moves_fast_along_the_seventh_joint():
-    form = known("panda")
-    T = round_from(*poses_of(form.loaded, [-0.83, -0.46, 0.6, -1.45, -0.81, 1.74, -0.04]), 60, 0.12)
-    plan = plan_path(form, T, free=form.loaded.joints[6], step=np.radians(3))
-    reached(form.loaded, plan, T, FLANGE)
-    np.testing.assert_allclose(plan.q[:, 6], plan.values, atol=1e-9)
-    assert 0 <= np.degrees(plan.bound - plan.clearance) < 1
-    only_within(plan, form)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("count", [3, 8])
 def test_the_bound_counts_what_lies_between_a_value_and_where_its_branch_turns_back(count):
     form = known("panda")
-    T = round_from(*poses_of(form.loaded, [0.1, -0.4, 0.2, -2.0, 0.1, 1.7, 0.6]), count, 0.12)
+    T = round_from(*poses_of(form.loaded, BENT_PANDA), count, 0.12)
     no_finer_path_is_better(form, T, form.loaded.joints[6], 10, 2)
 
 
@@ -486,59 +480,23 @@ def test_motions_between_values_are_counted(monkeypatch):
     assert np.degrees(plan.bound - plan.clearance) < 1.7
 
 
-HEADS = {
-    "quaternion": ("x,y,z,qx,qy,qz,qw", "0.3,0.1,0.2,0,0,0,1"),
-    "semicolons": ("X;Y;Z;roll;pitch;yaw", "0,3;0,1;0,2;0;0;0"),
-    "tabs and time": ("t\tx\ty\tz\troll\tpitch\tyaw", "{n}\t0.3\t0.1\t0.2\t0\t0\t0"),
-    "direction": ("x,y,z,i,j,k", "0.3,0.1,0.2,0,0,-1"),
-    "units": ("X (mm);y_mm;z [m];roll (deg);pitch_deg;yaw°", "300;100;0.2;0;0;360"),
-    "time in two": ("sec,nanosec,x,y,z,i,j,k", "{n},500000000,0.3,0.1,0.2,0,0,-1"),
-    "units and time": ("timestamp (ms),x [mm],y (mm),z_mm,i,j,k", "{n}000,300,100,200,0,0,-1"),
-}
+FILES = Golden(Path(__file__).with_name("poses.txt"))
 
 
-@pytest.mark.parametrize("head", HEADS)
+@pytest.mark.parametrize("head", FILES.cases)
 def test_files_of_poses(tmp_path, head):
-    first, row = HEADS[head]
+    """Place and z axis of the first pose, which all have, times, and whether the roll is said."""
     file = tmp_path / "poses.csv"
-    file.write_text("\n".join([first, *(row.format(n=n) for n in range(3))]) + "\n")
-    read = read_poses(file)
-    np.testing.assert_allclose(read.poses[:, :3, 3], [[0.3, 0.1, 0.2]] * 3)
-    np.testing.assert_allclose(read.poses[:, :3, 2], [[0, 0, 1]] * 3, atol=1e-12)
-    assert (read.t is not None) == ("time" in head)
-    assert read.t is None or (read.t - 0.5 * ("nano" in first)).tolist() == [0, 1, 2]
-    assert read.has_roll == (",i" not in first)
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("", "the first line names the columns"),
-        ("1,2,3,0,0,0,1\n", "the first line names the columns"),
-        ("x,y,z\n1,2,3\n", "the first line names the columns"),
-        ("x,y,z,i,j,k\n1,2,3,0,0\n", "line 2: 6 numbers are needed"),
-        ("x,y,z,i,j,k\n1,2,nan,0,0,1\n", "line 2: 6 numbers are needed"),
-        ("x,y,z,i,j,k\n1,2,3,0,0,1,a\n", "line 2: 6 numbers are needed"),
-        ("x,y,z,i,j,k\n1,2,3,0,0,1\n", "two poses at least"),
-        ("x,y,z,i,j,k\n1,2,3,0,0,5\n1,2,3,0,0,1\n", "pose 0: i, j, k have length 5"),
-        ("x,y,z,i,j,k\n300,2,3,0,0,1\n1,2,3,0,0,1\n", "for millimetres add --mm"),
-        ("x,y,z,roll,pitch,yaw\n1,2,3,0,0,90\n1,2,3,0,0,1\n", "for degrees add --deg"),
-        ("x,x,y,z,i,j,k\n1,2,3,0,0,0,1\n", "named twice"),
-        ("x,y,z,qx,qy,qz,qw,i,j,k\n" + "0,0,0,1,0,0,0,0,0,1\n" * 2,
-         "rotation is given twice: qx, qy, qz, qw and also i, j, k; drop one"),
-        ("x (mm),y,z,i,j,k\n" + "1,2,3,0,0,1\n" * 2, "read x .mm., y, z: give each a unit"),
-        ("x,y,z,w,p,r\n1,2,3,0,0,1\n", "reads 'x,y,z,w,p,r': FANUC's w, p, r are roll, pitch"),
-        ("x,y,z,a,b,c\n1,2,3,0,0,1\n", "KUKA's a, b, c are yaw, pitch, roll"),
-        ("x,y,z,rx,ry,rz\n1,2,3,0,0,1\n", "may be a rotation vector"),
-        ("x,y,z,i,j,k,t [min]\n" + "1,2,3,0,0,1,0\n" * 2, "times 't .min.' has to be s"),
-        ("x,y,z,i,j,k,note\n1,2,3,0,0,1,weld\n", "drop column 'note', which is not needed"),
-    ],
-)  # fmt: skip
-def test_bad_files_are_refused(tmp_path, text, said):
-    file = tmp_path / "poses.csv"
-    file.write_text(text)
-    with pytest.raises(RobotFileError, match=said):
-        read_poses(file)
+    file.write_text(FILES.text(head))
+    try:
+        read = read_poses(file, degrees="deg" in head.split(), millimetres="mm" in head.split())
+    except RobotFileError as error:
+        FILES.hold(head, str(error).replace(f"{tmp_path}/", ""))
+        return
+    assert np.ptp(read.poses, axis=0).max() == 0
+    numbers = np.concatenate([read.poses[0, :3, 3], read.poses[0, :3, 2]]).round(9) + 0.0
+    times = None if read.t is None else read.t.tolist()
+    FILES.hold(head, f"{numbers.tolist()}, times {times}, roll {read.has_roll}")
 
 
 def test_the_command_writes_a_path_that_check_takes(form, tmp_path):
@@ -616,29 +574,30 @@ def test_a_workpiece_that_lies_well_stays(form):
     assert only.clearance < best.clearance
 
 
+TWO = np.tile(np.eye(4), (2, 1, 1))
+SHEARED = TWO + np.outer([0, 0.1], np.eye(16)[12]).reshape(2, 4, 4)
+
+
 @pytest.mark.parametrize(
-    ("place", "said"),
+    ("T", "options", "error", "said"),
     [
-        ({}, "needs a range"),
-        ({"w": (0, 1)}, "'w' is none of x, y, z, roll, pitch, yaw"),
-        ({"x": (0.1, 0.1)}, "x needs two ascending values"),
-        ({"x": (0.1, -0.1)}, "x needs two ascending values"),
-        ({"z": (0.1, np.inf)}, "z needs two ascending values"),
-        ({"yaw": (-30, 30)}, "over a turn"),
+        (TWO, {"place": {}}, OptionError, "needs a range"),
+        (TWO, {"place": {"w": (0, 1)}}, OptionError, "'w' is none of x, y, z, roll, pitch, yaw"),
+        (TWO, {"place": {"x": (0.1, 0.1)}}, OptionError, "x needs two ascending values"),
+        (TWO, {"place": {"x": (0.1, -0.1)}}, OptionError, "x needs two ascending values"),
+        (TWO, {"place": {"z": (0.1, np.inf)}}, OptionError, "z needs two ascending values"),
+        (TWO, {"place": {"yaw": (-30, 30)}}, OptionError, "over a turn"),
+        (TWO, {"place": {"x": (0, 1)}, "start": START}, OptionError, "give one of them"),
+        (TWO, {"free": "elbow"}, OptionError, "neither branch, roll, nor a joint"),
+        (SHEARED, {}, ConfigurationError, "poses: number 1 is no rigid motion"),
+        (TWO, {"without": "kernel"}, EngineError, "toolpaths need the compiled kernel"),
     ],
 )
-def test_ranges_that_make_no_sense_are_refused(form, place, said):
-    with pytest.raises(OptionError, match=said):
-        plan_path(form, circle(3), place=place)
-    with pytest.raises(OptionError, match="give one of them"):
-        plan_path(form, circle(3), place={"x": (0, 1)}, start=START)
-
-
-def test_a_matrix_whose_last_row_is_another_is_no_rigid_motion(form):
-    T = circle(3)
-    T[1, 3, 0] = 0.1
-    with pytest.raises(ConfigurationError, match="poses: number 1 is no rigid motion"):
-        plan_path(form, T)
+def test_what_makes_no_sense_is_refused(form, monkeypatch, T, options, error, said):
+    if options.pop("without", None):
+        monkeypatch.setattr(engine, "available", lambda: False)
+    with pytest.raises(error, match=said):
+        plan_path(form, T, **options)
 
 
 def test_the_best_of_the_placements_that_are_tried_is_taken():

@@ -517,7 +517,7 @@ def _plain(motion: LostMotion) -> str:
     """What cannot be done, of a line or a screw with the tool's orientation held."""
     if motion.kind not in ("line", "screw"):
         return motion.words
-    where = motion.words.rpartition(" in direction ")[2]
+    where = motion.words.replace("the line", "in direction of the line").split(" in direction ")[-1]
     return f"cannot move in direction {where} with the tool's orientation held"
 
 
