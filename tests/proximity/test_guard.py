@@ -106,6 +106,12 @@ class PythonGuard:
         each = [np.column_stack([f, low, gradient]) for f, gradient, low in found]
         return self.module.clearance(Q), self.module.nearest(Q), np.stack(each, axis=1)
 
+    def values(self, Q: Array) -> Array:
+        out = np.empty((len(Q), len(self.module._SUMS), 1 + Q.shape[1]))
+        for i in range(out.shape[1]):
+            out[:, i, 0], out[:, i, 1:] = self.module.equation(i, Q)
+        return out
+
     def inside(self, q: Array) -> bool:
         return bool(self.module.within_limits(q))
 
@@ -195,15 +201,13 @@ def test_a_guard_says_what_pinsing_says(name: str, compiler: str, tmp_path: Path
     if isinstance(found, CGuard):
         true = pinsing.clearance(form, some, families=watched.names, certify=True, gap=1e-4)
         assert (found.ask(some)[0] <= true.upper).all()
-        equations = [e for f in watched.families for e in f.equations]
-        values = found.values(Q)
-        assert len(equations) == found.equations
-        for i, e in enumerate(equations):
-            size = e.size * max(
-                1.0, float(np.abs(Q[:, list(e.involved)]).max()) ** int(e.powers.max())
-            )
-            np.testing.assert_allclose(values[:, i, 0], e(Q), atol=1e-12 * size)
-            np.testing.assert_allclose(values[:, i, 1:], e.gradient(Q), atol=1e-11 * size)
+    equations = [e for f in watched.families for e in f.equations]
+    values = found.values(Q)
+    assert len(equations) == values.shape[1]
+    for i, e in enumerate(equations):
+        size = e.size * max(1.0, float(np.abs(Q[:, list(e.involved)]).max()) ** int(e.powers.max()))
+        np.testing.assert_allclose(values[:, i, 0], e(Q), atol=1e-12 * size)
+        np.testing.assert_allclose(values[:, i, 1:], e.gradient(Q), atol=1e-11 * size)
     f, slope = each[..., 0], each[..., 2:]
     step = 1e-6 * np.random.default_rng(1).normal(size=Q.shape)
     after = found.ask(Q + step)[2][..., 0]
@@ -250,7 +254,10 @@ def test_values_that_are_not_finite_are_never_clear(tmp_path: Path) -> None:
             q[joint] = value
             assert not c.clear(q, 0.0)
             assert not python.is_clear(q, 0.0)
-    assert c.ask(np.full((1, 6), np.nan))[1][0] == -1
+    nothing = np.full((1, 6), np.nan)
+    for lower, number, each in (c.ask(nothing), PythonGuard(python).ask(nothing)):
+        assert (lower[0], number[0]) == (0, -1)
+        assert not each[..., 1].any()
     assert not c.clear(good, np.nan)
 
 
