@@ -12,8 +12,8 @@ import pinocchio as pin
 import pytest
 import yaml
 from arms import serial
-from cases import good
 from dh_arms import row_matrix
+from golden import Golden
 from tiers import sampled, tiered
 
 import pinsing
@@ -170,7 +170,7 @@ def test_other_text_is_no_number(text: str) -> None:
     assert parse_number(text) is None
 
 
-GOOD = good(Path(__file__).with_name("said") / "arm.dh.yaml.txt")
+GOOD = Golden(Path(__file__).with_name("said") / "arm.dh.yaml.txt").good
 
 
 def test_good_table(tmp_path):

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from cases import Case, cases
+from golden import Golden
 from urdf_texts import XACRO, joint, robot
 
 from pinsing import load
@@ -12,9 +12,11 @@ from pinsing.errors import PinsingError, RobotFileError
 from pinsing.view.scene import read_links
 
 SAID = Path(__file__).with_name("said")
+READ = ("arm.urdf", "arm.xacro", "arm.dh.yaml", "arm.xml", "table.yaml", "text")
+FILES = {name: Golden(SAID / f"{name}.txt") for name in READ}
 
 
-def said(file: Path, given: str | bytes) -> list[str]:
+def said(file: Path, given: str | bytes) -> str:
     """An arm and its notes, or the error alone, without the folder of the file."""
     whole = file
     if file.name == "table.yaml":
@@ -31,16 +33,19 @@ def said(file: Path, given: str | bytes) -> list[str]:
         if isinstance(error, RobotFileError):
             place = [error.path or "URDF text", *[error.line] * (error.line is not None)]
             assert line.startswith(":".join(map(str, place)))
-        return [line.replace(f"{file.parent}/", "").replace(str(file.parent), "FOLDER")]
+        return line.replace(f"{file.parent}/", "").replace(str(file.parent), "FOLDER")
     ends = zip(arm.joints, arm.lower, arm.upper, strict=True)
     joints = ", ".join(f"{name} from {low:g} to {high:g}" for name, low, high in ends)
     shapes = len(read_links(arm).geometry.geometryObjects)
-    return [f"{joints}; shapes: {shapes}", *(f"note: {note}" for note in arm.notes)]
+    notes = [f"note: {note}" for note in arm.notes]
+    return "\n".join([f"{joints}; shapes: {shapes}", *notes])
 
 
-@pytest.mark.parametrize("case", cases(*SAID.glob("*.*.txt"), SAID / "text.txt"))
-def test_what_is_said(case: Case, tmp_path: Path, capfd):
-    case.check(said(tmp_path / case.file.stem, case.text))
+@pytest.mark.parametrize(
+    ("name", "head"), [case for name, file in FILES.items() for case in file.heads(name)]
+)
+def test_what_is_said(name: str, head: str, tmp_path: Path, capfd):
+    FILES[name].hold(head, said(tmp_path / name, FILES[name].text(head)))
     assert capfd.readouterr() == ("", "")
 
 
@@ -75,7 +80,10 @@ TOO_MUCH = {
 }
 
 
-@pytest.mark.parametrize("case", cases(SAID / "too_much.txt"))
-def test_what_no_robot_needs(case: Case, tmp_path: Path):
-    name, given = TOO_MUCH[case.name]
-    case.check(said(tmp_path / name, given))
+ANSWERS = Golden(SAID / "too_much.txt")
+
+
+@pytest.mark.parametrize("head", ANSWERS.heads())
+def test_what_no_robot_needs(head: str, tmp_path: Path):
+    name, given = TOO_MUCH[head.removesuffix(" (slow)")]
+    ANSWERS.hold(head, said(tmp_path / name, given))

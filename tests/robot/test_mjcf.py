@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from cases import good
 from command_line import run
+from golden import Golden
 
 import pinsing
 from pinsing.errors import PinsingError
 from pinsing.kinematics.jacobian import tip_placement
 
-GOOD = good(Path(__file__).parents[1] / "description" / "said" / "arm.xml.txt")
+GOOD = Golden(Path(__file__).parents[1] / "description" / "said" / "arm.xml.txt").good
 Q = np.array([0.4, -0.7, 0.06])
 
 
