@@ -133,10 +133,8 @@ def columns_of(values: Any, names: Sequence[str], called: str) -> Any:
 
 def whole_number(value: int, name: str, least: int, most: int) -> int:
     """Return ``value`` if it is from ``least`` to ``most``; else raise OptionError."""
-    OptionError.refuse_if(
-        not least <= value <= most,
-        f"{name} must lie between {least:,} and {most:,}, got {shown(value)}",
-    )
+    if not least <= value <= most:
+        raise OptionError(f"{name} must lie between {least:,} and {most:,}, got {shown(value)}")
     return int(value)
 
 

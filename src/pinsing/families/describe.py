@@ -72,7 +72,7 @@ from pinsing.families.zero_set import (
     thrown,
 )
 from pinsing.kinematics.at import Loss, State, loss_at
-from pinsing.kinematics.jacobian import batch, frame_jacobians, generic_rank, own_shares, ratios
+from pinsing.kinematics.jacobian import batch, generic_rank, own_shares, ratios
 from pinsing.kinematics.lost_motion import STRUCTURE_TOL, JointAxes, arm_centres, generic_axes
 from pinsing.kinematics.refine import kinds_many
 from pinsing.measures import ALIKE, SEED, Array, Reachability
@@ -508,7 +508,7 @@ def title_of(arm: Arm, points: Array) -> str:
     conditions = _conditions(arm)
     if not conditions or not len(points):
         return ""
-    axes = JointAxes.each(frame_jacobians(arm, points), arm.prismatic, np.zeros(3))
+    axes = JointAxes.each(batch(arm).frame_jacobians(points), arm.prismatic, np.zeros(3))
     found = [name for name, holds in conditions.items() if all(holds(a, ALIKE) for a in axes)]
     return found[0] if len(found) == 1 else ""
 

@@ -53,7 +53,7 @@ from pinsing.measures import (
     sigma_ratio,
     status_of as status_of,
 )
-from pinsing.robot.arm import Arm, kept
+from pinsing.robot.arm import Arm, kept, model_q, model_values
 from pinsing.robot.mimic import exact_generic_rank
 from pinsing.robot.nominal import flatten, nominal
 from pinsing.robot.task import Task
@@ -106,18 +106,13 @@ def engine_name(arm: Arm) -> str:
     return f"Pinocchio and NumPy ({found})"
 
 
-def model_values(arm: Arm, Q: Array) -> Array:
-    """Plain value of every joint of the model, mimic joints included: (N, n) -> (N, nv)."""
-    return Q if arm.coupling is None else arm.coupling.values(Q)
-
-
 def pinocchio_jacobians(arm: Arm, Q: Array) -> Array:
     """Frame Jacobians (N, 6, nv) by every velocity of the model, mimic joints on their own."""
     model, tip = arm.model, arm.tip_id
     data = model.createData()  # a Data of its own: threads may share the arm
     frame, compute = pin.LOCAL_WORLD_ALIGNED, pin.computeFrameJacobian
     out = np.empty((len(Q), 6, model.nv))
-    for i, q in enumerate(arm.model_q(Q)):
+    for i, q in enumerate(model_q(model, model_values(arm, Q))):
         # Pinocchio drops the second axis of a single column.
         out[i] = compute(model, data, q, tip, frame).reshape(6, model.nv)
     return out
@@ -162,7 +157,7 @@ def tip_rotations(arm: Arm, Q: Array, engine: str = "auto", threads: int | None 
     if engine == PINOCCHIO:
         data = arm.model.createData()
         found = np.empty((len(Q), 3, 3))
-        for i, q in enumerate(arm.model_q(Q)):
+        for i, q in enumerate(model_q(arm.model, model_values(arm, Q))):
             pin.forwardKinematics(arm.model, data, q)
             found[i] = pin.updateFramePlacement(arm.model, data, arm.tip_id).rotation
         return found
@@ -485,9 +480,9 @@ def measure(arm: Arm, Q: ArrayLike, engine: str = "auto") -> Measured:
     return measured(batch(arm, engine), np.atleast_2d(arm.check(Q)))
 
 
-def ratios(arm: Arm, Q: ArrayLike, engine: str = "auto") -> Array:
-    """Measure of verdicts (N,) at Q (N, n), radians and metres, however many turns away."""
-    Q = np.atleast_2d(arm.fold(Q))
+def ratios(arm: Arm, Q: Array, engine: str = "auto") -> Array:
+    """Measure of verdicts (N,) at Q (N, n) or (n,), radians and metres, however many turns away."""
+    Q = np.atleast_2d(arm.space.fold(Q))
     return ratio_of(arm, batch(arm, engine).own_sigma(Q)) if len(Q) else np.zeros(0)
 
 
@@ -684,7 +679,8 @@ def tip_and_jacobian(arm: Arm, q: Array) -> tuple[Array, Array, Array]:
     """Return position (3,), rotation (3, 3) and `frame_jacobian` of a checked q (n,), in one go."""
     model, tip = arm.model, arm.tip_id
     data = model.createData()
-    found = pin.computeFrameJacobian(model, data, arm.model_q(q), tip, pin.LOCAL_WORLD_ALIGNED)
+    at = model_q(model, model_values(arm, q))
+    found = pin.computeFrameJacobian(model, data, at, tip, pin.LOCAL_WORLD_ALIGNED)
     J = np.array(found).reshape(6, model.nv)  # Pinocchio drops the second axis of a single column
     place = pin.updateFramePlacement(model, data, tip)
     J = J if arm.coupling is None else J @ arm.coupling.matrix
@@ -728,7 +724,7 @@ def frame_jacobian(arm: Arm, q: ArrayLike) -> Array:
            [ 0.677,  0.277,  0.014],
            [ 1.   ,  1.   ,  1.   ]])
     """
-    return np.array(frame_jacobians(arm, arm.check_one(q), engine="pinocchio")[0])
+    return np.asarray(batch(arm, PINOCCHIO).frame_jacobians(arm.check_one(q)[None])[0])
 
 
 @checked
@@ -890,10 +886,9 @@ def jacobian_derivative(J: ArrayLike) -> Array:
     return np.concatenate([dv, np.where(later, each_cross(w, w), 0.0)], axis=-3)
 
 
-def own_jacobians_and_derivatives(arm: Arm, Q: ArrayLike) -> tuple[Array, Array]:
+def own_jacobians_and_derivatives(arm: Arm, Q: Array) -> tuple[Array, Array]:
     """Return task Jacobians (N, m, n) and derivatives (N, m, n, n) at Q, at `OwnScale`."""
-    Q, scale = arm.check_many(Q, "Q", own=False), own_scale(arm)
-    J = batch(arm).model_jacobians(Q)
+    scale, J = own_scale(arm), batch(arm).model_jacobians(Q)
     H = jacobian_derivative(J)
     if arm.coupling is not None:
         matrix = arm.coupling.matrix
@@ -917,7 +912,7 @@ def generic_task(arm: Arm) -> Array:
     """Task Jacobians (k, m, n) of the nominal geometry at random configurations, without units."""
     exact = nominal(arm).arm
     Q = random_turns(exact, 6)
-    return own_scale(exact).apply(exact, frame_jacobians(exact, Q), Q)
+    return own_scale(exact).apply(exact, batch(exact).frame_jacobians(Q), Q)
 
 
 def read_pose(pose: ArrayLike) -> tuple[Array, Array | None]:

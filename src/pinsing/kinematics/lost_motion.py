@@ -18,7 +18,7 @@ import numpy as np
 from pinsing._batch import engine as kernel
 from pinsing.kinematics.jacobian import (
     SINGULAR_RTOL,
-    frame_jacobians,
+    batch,
     generic_rank,
     generic_task,
     own_scale,
@@ -485,7 +485,8 @@ def moving_columns(arm: Arm) -> tuple[int, ...]:
 
 def generic_axes(arm: Arm) -> list[JointAxes]:
     """Joint axes at random configurations, with the base as origin."""
-    return JointAxes.each(frame_jacobians(arm, random_turns(arm, 4)), arm.prismatic, np.zeros(3))
+    J = batch(arm).frame_jacobians(random_turns(arm, 4))
+    return JointAxes.each(J, arm.prismatic, np.zeros(3))
 
 
 class _Reasons:

@@ -80,13 +80,12 @@ def clear_kinds(arm: Arm, Q: Array) -> list[Kind | None]:
 _SLIDE = 0.05  # length of the self-motion tried along a degenerate direction, as above
 
 
-def kinds_many(arm: Arm, Q: ArrayLike) -> list[Kind]:
+def kinds_many(arm: Arm, Q: Array) -> list[Kind]:
     """Return the ``kind`` of ``describe_many`` for each row of Q (N, n), and nothing else.
 
     One lost direction needs no search for a definite combination: what is clear is decided for all
     rows at once. Where some rows of the task are missing everywhere, nothing is clear.
     """
-    Q = np.atleast_2d(arm.check(Q))
     full = generic_rank(arm) == len(arm.task.rows)
     found: list[Kind | None] = clear_kinds(arm, Q) if full else [None] * len(Q)
     unclear = [i for i, kind in enumerate(found) if kind is None]
@@ -338,12 +337,12 @@ def _in_numpy(
     return Q, iterations, stationary
 
 
-def constraint_gradient(arm: Arm, Q: ArrayLike) -> tuple[Array, Array]:
+def constraint_gradient(arm: Arm, Q: Array) -> tuple[Array, Array]:
     """Return equations U0^T dJ V0 of the rank drop in dq / columns, (N, K, n), and sigma (N, r)."""
     # At the arm's own scale. K = (m-r+1)(n-r+1); the first row is the gradient of sigma_r where
     # that is simple: d sigma_r / d q_j = u_r^T (dJ/dq_j) v_r.
     r = generic_rank(arm)
-    J, H = own_jacobians_and_derivatives(arm, Q)
+    J, H = own_jacobians_and_derivatives(arm, np.atleast_2d(Q))
     U, sigma, Vt = np.linalg.svd(J, full_matrices=True)
     U0, V0 = U[:, :, r - 1 :], np.swapaxes(Vt[:, r - 1 :, :], 1, 2)
     N, n = J.shape[0], J.shape[2]

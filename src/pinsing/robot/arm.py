@@ -672,10 +672,6 @@ class Arm(Advised, Memory):
                 )
         return q
 
-    def _values(self, q: Array) -> Array:
-        """One value (..., nv) for each joint that is not locked."""
-        return q if self.coupling is None else self.coupling.values(q)
-
     def _radians(self, q: Array, name: str) -> Array:
         if self.units is None:
             self.space.require_radians(q, name)
@@ -817,7 +813,7 @@ class Arm(Advised, Memory):
             f"others needs {whole} finite values, got shape {rest.shape}",
             lengths=(whole,),
         )
-        values = self._values(self.check(q))
+        values = model_values(self, self.check(q))
         out = np.broadcast_to(rest, (*values.shape[:-1], whole)).copy()
         put_values(self.source.full_model, self.source.kept, values, out)
         return out
@@ -911,7 +907,7 @@ class Arm(Advised, Memory):
         >>> pin.updateFramePlacement(arm.model, data, arm.tip_id).translation.round(3)[0].item()
         0.9
         """
-        return model_q(self.model, self._values(self.check(q)))
+        return model_q(self.model, model_values(self, self.check(q)))
 
     def __repr__(self) -> str:
         return one_line("Arm", str(self))
@@ -924,6 +920,11 @@ class Arm(Advised, Memory):
 
     def _repr_html_(self) -> str:
         return html_text(str(self), block=True)
+
+
+def model_values(arm: Arm, q: Array) -> Array:
+    """Plain value of every joint of the model, mimic joints included: (..., n) -> (..., nv)."""
+    return q if arm.coupling is None else arm.coupling.values(q)
 
 
 def held_joints(arm: Arm) -> list[Held]:
