@@ -50,22 +50,19 @@ class Style:
             return self.joint(name)
         return f"{self.joint(name)}^{{{exponent}}}" if self.latex else f"{name}^{exponent}"
 
-    def angle(self, radians: float) -> str:
-        """An angle in degrees."""
-        return format_angle(radians, self.latex)
-
     def angles(self, values: Sequence[float]) -> str:
         """Angles one of which it is: ``0° or 180°``, ``±90°``."""
         ordered = sorted(values, key=lambda v: (abs(v), v))
         if len(ordered) == 2 and abs(sum(ordered)) < 1e-12:
-            return (r"\pm " if self.latex else "±") + self.angle(ordered[1])
-        return (r"\ \text{or}\ " if self.latex else " or ").join(map(self.angle, ordered))
+            return (r"\pm " if self.latex else "±") + format_angle(ordered[1], self.latex)
+        either = r"\ \text{or}\ " if self.latex else " or "
+        return either.join(format_angle(v, self.latex) for v in ordered)
 
 
 PLAIN = Style("cos", "sin", False)
 
 
-LATEX = Style(r"\cos ", r"\sin ", True)
+LATEX = Style(r"\cos", r"\sin", True)
 
 
 def latex_symbol(symbol: str) -> str:
@@ -95,20 +92,6 @@ def moved(name: str, radians: float, size: str) -> str:
     return f"{name} {'+' if radians > 0 else '-'} {size}"
 
 
-def joined(pieces: Iterable[tuple[bool, str]], gap: str = " ") -> str:
-    """Terms, some of which are negative, with their signs in between; 0 without any."""
-    out = ""
-    for negative, term in pieces:
-        sign = "-" if negative else "+" if out else ""
-        out += f"{gap}{sign}{gap}{term}" if out else f"{sign}{term}"
-    return out or "0"
-
-
-def times(size: str, body: str) -> str:
-    """A number and what it multiplies; a one is left out."""
-    return body if size == "1" and body else f"{size} {body}".strip()
-
-
 def sized(number: float | Exact, latex: bool = False) -> tuple[bool, str]:
     """Whether a minus stands before a number, and its size; sums with roots are in brackets."""
     if isinstance(number, float):
@@ -121,12 +104,16 @@ def sized(number: float | Exact, latex: bool = False) -> tuple[bool, str]:
 
 
 def signed_sum(
-    pieces: Sequence[tuple[float | Exact, str]], tight: bool = False, latex: bool = False
+    pieces: Iterable[tuple[float | Exact, str]], tight: bool = False, latex: bool = False
 ) -> str:
-    """Sum of signed pieces, a coefficient of one left out."""
-    each = ((*sized(c, latex), body) for c, body in pieces)
-    terms = ((negative, times(size, body)) for negative, size, body in each)
-    return joined(terms, "" if tight else " ")
+    """Numbers and what they multiply, with signs in between, a one left out; 0 without any."""
+    out, gap = "", "" if tight else " "
+    for number, body in pieces:
+        negative, size = sized(number, latex)
+        term = body if size == "1" and body else f"{size} {body}".strip()
+        sign = "-" if negative else "+" if out else ""
+        out += f"{gap}{sign}{gap}{term}" if out else f"{sign}{term}"
+    return out or "0"
 
 
 Key = tuple[tuple[int, ...], tuple[int, ...]]
@@ -283,11 +270,11 @@ class Equation(Memory):
 
     def text(self) -> str:
         """Return ``0.4318 cos q2 + 0.0203 cos(q2+q3) - 0.4318 sin(q2+q3) = 0``, or such a line."""
-        return self._line(PLAIN)
+        return self.line(PLAIN)
 
     def latex(self) -> str:
         """Return the same line in LaTeX."""
-        return self._line(LATEX)
+        return self.line(LATEX)
 
     def exact_text(self, latex: bool = False) -> str:
         """Return the same line with exact coefficients, or nothing where they are not known.
@@ -300,7 +287,7 @@ class Equation(Memory):
         if not self.exact or self.angle_sum is not None:
             return ""
         numbers = [(exact_of(c), exact_of(s)) for c, s in self.exact]
-        return self._line(LATEX if latex else PLAIN, numbers)
+        return self.line(LATEX if latex else PLAIN, numbers)
 
     def __str__(self) -> str:
         return self.text()
@@ -330,37 +317,37 @@ class Equation(Memory):
         modulo = r"\pmod{360^\circ}" if latex else "(mod 360°)"
         return f"{names} = {style.angles(angles)} {modulo}"
 
-    def _line(self, style: Style, exact: Sequence[tuple[Exact, Exact]] = ()) -> str:
-        """Signed coefficients and what they multiply, a good order for reading."""
-        if (angle := self.angle_sum) is not None:
-            return self.angle_sum_text([angle], style.latex)
+    def line(self, style: Style, exact: Sequence[tuple[Exact, Exact]] = ()) -> str:
+        """Return signed coefficients and what they multiply, in a good order for reading.
+
+        Parameters
+        ----------
+        style : Style
+            Plain text or LaTeX.
+        exact : sequence of (number, number)
+            Coefficients of cosine and sine of each term in place of the rounded ones.
+        """
+        if (found := self.angle_sum) is not None:
+            return self.angle_sum_text([found], style.latex)
         numbers = exact or np.stack([self.cos, self.sin], axis=1).tolist()
-        pieces = [
-            (numbers[t][value], body)
-            for t in self._reading_order
-            for value, body in self._bodies(t, style)
-            if (size := float(numbers[t][value])) and (exact or self._tells(t, size))
-        ]
+        pieces: list[tuple[float | Exact, str]] = []
+        for t in self._reading_order:
+            powers = [(self.joints[j], int(self.powers[t, j])) for j in self.powers[t].nonzero()[0]]
+            factors, angle = (
+                [style.power(*p) for p in powers],
+                self._angle(self.frequencies[t], style),
+            )
+            gap = "" if angle.startswith("(") and not style.latex else " "
+            heads = [f"{name}{gap}{angle}" for name in (style.cos, style.sin)] if angle else [""]
+            for number, head in zip(numbers[t], heads, strict=False):  # a constant has no sine
+                if number and (exact or self._tells(t, number)):
+                    pieces.append((number, " ".join([*factors, head]).strip()))
         pieces = pieces if len(pieces) > 1 else [(1.0, body) for _, body in pieces]
         return f"{signed_sum(pieces, latex=style.latex)} = 0"
 
     def _tells(self, t: int, coefficient: float) -> bool:
         """Whether a coefficient of a term is more than rounding, or of no angle."""
         return abs(coefficient) > _NOTHING * self.size or not self.frequencies[t].any()
-
-    def _bodies(self, t: int, style: Style) -> list[tuple[int, str]]:
-        """Return what the cosine (0) and the sine (1) of a term multiply."""
-        power = " ".join(
-            style.power(self.joints[j], int(self.powers[t, j]))
-            for j in np.flatnonzero(self.powers[t])
-        )
-        angle = self._angle(self.frequencies[t], style)
-        if not angle:
-            return [(0, power)]
-        heads = [style.cos, style.sin]
-        if not angle.startswith("("):
-            heads = [f"{name.strip()} " for name in heads]
-        return [(value, f"{power} {head}{angle}".strip()) for value, head in enumerate(heads)]
 
     @cached_property
     def _reading_order(self) -> tuple[int, ...]:
@@ -383,7 +370,7 @@ class Equation(Memory):
         if shift and abs(offset) > 1e-12:
             size = abs(math.degrees(offset))
             small = f"{size:.2g}" + (r"^\circ" if style.latex else "°")
-            size_text = style.angle(abs(offset)) if round(size, 4) else small
+            size_text = format_angle(abs(offset), style.latex) if round(size, 4) else small
             text, single = moved(text, offset, size_text), False
         inner = text if single else f"({text})"
         return f"({inner}/2)" if halves else inner

@@ -29,11 +29,10 @@ from pinsing.algebra.conditions import Branch
 from pinsing.algebra.equation import (
     Equation,
     format_angle,
-    joined,
     latex_symbol,
     moved,
+    signed_sum,
     sized,
-    times,
 )
 from pinsing.families.zero_set import MOST_ORDERED, peeled, system_of
 from pinsing.measures import Array
@@ -148,7 +147,7 @@ def _squared(terms: Terms, joint: int, square: str) -> Terms:
 
 def terms_text(terms: Terms, equation: Equation, latex: bool = False) -> str:
     """One line of terms: the factor that most share before a bracket, and so on within."""
-    pieces: list[tuple[bool, str]] = []
+    pieces: list[tuple[Number, str]] = []
     brackets, alone = _brackets(tuple(terms))
     for pull, within in brackets:
         inner = {rest: terms[product] for product, rest in within}
@@ -156,11 +155,9 @@ def terms_text(terms: Terms, equation: Equation, latex: bool = False) -> str:
         if negative:
             inner = {product: -c for product, c in inner.items()}
         said = f"{_factors(pull, equation, latex)} ({terms_text(inner, equation, latex)})"
-        pieces.append((negative, said))
-    for product in alone:
-        negative, size = sized(terms[product], latex)
-        pieces.append((negative, times(size, _factors(product, equation, latex))))
-    return joined(pieces)
+        pieces.append((-1.0 if negative else 1.0, said))
+    pieces += [(terms[product], _factors(product, equation, latex)) for product in alone]
+    return signed_sum(pieces, latex=latex)
 
 
 def _factors(atoms: Product, equation: Equation, latex: bool) -> str:

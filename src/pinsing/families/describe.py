@@ -443,7 +443,7 @@ def _write(equation: Equation, style: Style, alone: bool) -> str:
     if len(equation.cos) > LONG and not style.latex:
         names = ", ".join(equation.joints[j] for j in equation.involved)
         return f"f({names}) = 0 [{len(equation.cos)} terms]"
-    return equation.latex() if style.latex else equation.text()
+    return equation.line(style)
 
 
 def _value_texts(
@@ -482,12 +482,12 @@ def _joint_text(
         # A mirror image has roots of its own, which the equation of the other one has not.
         if e.joints[j] != symbol or (np.abs(e(q)) >= 1e-9 * e.size).any():
             continue
-        written = e.latex() if style.latex else e.text()
+        written = e.line(style)
         moving = np.abs(e.frequencies).sum(axis=1).tolist()
         if sorted(moving) == [0, 2] and not e.shift[j]:  # a sin q + b = 0, or with cos
             at = moving.index(2)
             heads = {style.cos: e.cos[at], style.sin: e.sin[at]}
-            used = {function.strip(): head for function, head in heads.items() if head}
+            used = {function: head for function, head in heads.items() if head}
             if len(used) == 1:
                 ((function, head),) = used.items()
                 written = f"{function} {name} = {-e.cos[1 - at] / head:.10g}"
