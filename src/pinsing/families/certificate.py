@@ -405,7 +405,7 @@ class Tree:
             return
         if len(relations) > self._most:
             raise NotFound(f"more and more relations at {place_text(place)}")
-        failure = NotFound(f"nothing to split {place_text(place)} by")
+        failure = ""
         # Polynomials to split by that are tried at a place before it is given up, and how many
         # relations are so many that fewer are tried.
         tried = 8 if len(relations) <= 5 else 3
@@ -413,10 +413,10 @@ class Tree:
             try:
                 self._split(place, split)
             except NotFound as reason:
-                failure = reason
+                failure = str(reason)
                 continue
             return
-        raise failure
+        raise NotFound(failure or f"nothing to split {place_text(place)} by")
 
     def _by_division(self, place: Place, number: int) -> bool:
         """Split a place that lies in a family by a multiple of one of its forms, if it does."""
@@ -657,7 +657,9 @@ def certificate(
         draft = Draft(data, budget)
         for name, c in [(f.name, c) for f in form.families for c in f.components]:
             draft.require_time()
-            forms = [draft.at_value(j, value) for j, value in c.values.items()]
+            points = {j: v if len(v) == 2 else (1, *v) for j, v in c.values.items()}
+            number = draft.algebra.number
+            forms = [draft.linear(j, (number(a), number(b))) for j, (a, b) in points.items()]
             forms += [form_of(p, ring, draft.ring.context, roots) for p in c.relations]
             forms = _without_implied(draft, draft.place_of(forms))
             for part in draft.parts(forms) if in_parts else [draft.place_of(forms)]:

@@ -245,21 +245,14 @@ class PieceMaker:
     def find(self, branch: Branch, count: int, rounds: int = 6) -> Array:
         """Return up to ``count`` points (k, n) of a branch over whole circles."""
         box = SearchBox.of(branch, self.lower, self.upper)
-
-        def draws() -> Iterator[Array]:
-            # A few points may all be regular ones of the equations, many seldom.
-            for some in (count, max(32, count)):
-                batches = 1 if self.time.over else rounds
-                given = some, self.rng, batches, self.time.stop
-                yield search(branch.equations, box, *given)
-            yield self.thrown(branch, 40)
-
-        own = np.zeros((0, len(self.lower)))
-        for found in draws():
-            own = found if self.confirm is None else found[self.confirm(found)][:count]
-            if self.confirm is None or len(own):
-                break
-        return own
+        # A few points may all be regular ones of the equations, many seldom.
+        for some in (count, max(32, count)):
+            batches = 1 if self.time.over else rounds
+            found = search(branch.equations, box, some, self.rng, batches, self.time.stop)
+            if self.confirm is None or len(found := found[self.confirm(found)][:count]):
+                return found
+        found = self.thrown(branch, 40)
+        return found if self.confirm is None else found[self.confirm(found)][:count]
 
     def thrown(self, branch: Branch, count: int) -> Array:
         """Return points (k, n) that random starts converge to, so that all real parts are met."""

@@ -19,7 +19,6 @@ from pinsing.algebra.jacobian_matrix import dependent
 from pinsing.algebra.ring import (
     MadeOfEqual,
     Ring as AlgebraRing,
-    Value,
     coefficients_by,
     rational,
 )
@@ -465,11 +464,6 @@ class Draft(Certificate):
         if len(kept) == len(place.relations):
             return place
         return self.place_of([*place.forms[: len(place.values)], *kept], place.points)
-
-    def at_value(self, j: int, value: Value) -> Poly:
-        """The form that puts joint ``j`` at an exact value."""
-        a, b = value if len(value) == 2 else (1, value[0])
-        return self.linear(j, (self.algebra.number(a), self.algebra.number(b)))
 
     def linear(self, j: int, point: tuple[Poly, Poly]) -> Poly:
         """The form that puts joint ``j`` at a point."""

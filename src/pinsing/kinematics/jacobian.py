@@ -63,12 +63,6 @@ ENGINES = ("auto", "batch", PINOCCHIO)
 INSTRUCTION_SETS = ("baseline", "avx2", "avx512")
 
 
-def _chain_or_reason(arm: Arm) -> Chain | str:
-    """The arm's chain for the kernel, or why there is none."""
-    # A kernel that does not match the sources cannot be verified.
-    return kernel.unavailable_reason() or _verified(arm)
-
-
 def kernel_chain(arm: Arm) -> Chain:
     """The arm's chain for the kernel; EngineError if there is none, or it is not Pinocchio's."""
     found = _chain_or_reason(arm)
@@ -119,8 +113,10 @@ def pinocchio_jacobians(arm: Arm, Q: Array) -> Array:
 
 
 @kept
-def _verified(arm: Arm) -> Chain | str:
+def _chain_or_reason(arm: Arm) -> Chain | str:
     """The flat chain if the kernel agrees with Pinocchio on it, else why it may not be used."""
+    if reason := kernel.unavailable_reason():
+        return reason
     chain, rng = flatten(arm), np.random.default_rng(SEED)
     size = float(np.abs(chain.t).max()) or 1.0
     Q = rng.uniform(-1, 1, (_SAMPLES, arm.n)) * np.where(arm.prismatic, size, 2 * np.pi)

@@ -87,12 +87,13 @@ def kinds_many(arm: Arm, Q: Array) -> list[Kind]:
     rows at once. Where some rows of the task are missing everywhere, nothing is clear.
     """
     full = generic_rank(arm) == len(arm.task.rows)
-    found: list[Kind | None] = clear_kinds(arm, Q) if full else [None] * len(Q)
-    unclear = [i for i, kind in enumerate(found) if kind is None]
-    J, H = own_jacobians_and_derivatives(arm, Q[unclear])
-    spaces = [_Spaces(arm, *row) for row in zip(Q[unclear], J, H, strict=True)]
-    decided = iter(_decided(arm, spaces))
-    return [next(decided) if kind is None else kind for kind in found]
+    clear: list[Kind | None] = clear_kinds(arm, Q) if full else [None] * len(Q)
+    found = dict(enumerate(clear))
+    if left := [i for i, kind in found.items() if kind is None]:
+        rows = zip(Q[left], *own_jacobians_and_derivatives(arm, Q[left]), strict=True)
+        decided = _decided(arm, [_Spaces(arm, *row) for row in rows])
+        found |= dict(zip(left, decided, strict=True))
+    return [kind for kind in found.values() if kind is not None]
 
 
 class _Spaces:
