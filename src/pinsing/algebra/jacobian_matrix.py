@@ -105,40 +105,29 @@ def reduce_matrix(
 ) -> tuple[Matrix, int]:
     """Use up pivots that never vanish: the rest is below its rank exactly where the given is."""
     # If the rank is ``generic``, that at almost every point, as many rows are independent.
-    rows = matrix
-    if not (generic and len(rows) == rank):
-        rows = independent_rows(matrix, ring)
-    # Without columns of zeros: with them a bound on codimensions would be too large.
-    columns = [c for c in zip(*rows, strict=True) if any(c)]
-    rows = [list(row) for row in zip(*columns, strict=True)]
-    never = MadeOnce()
-    while rows and rank > 0:
-        time.check()
-        pivot = _unit(rows, ring, never)
-        if pivot is None:
-            break
-        i, j = pivot
-        p = rows[i][j]
-        rest = []
-        for k, row in enumerate(rows):
-            if k == i:
-                continue
-            time.check()
-            if not row[j]:
-                rest.append([x for c, x in enumerate(row) if c != j])
-            else:
-                longest = max(map(len, row)) * len(p), len(row[j]) * max(map(len, rows[i]))
-                time.check(max(longest))
-                rest.append(
-                    [ring.reduce(x * p - row[j] * rows[i][c]) for c, x in enumerate(row) if c != j]
-                )
-        rank -= 1
-        rows = [primitive(row, ring) for row in rest if any(row)]
+    rows, never = matrix, MadeOnce()
+    while True:
+        rows = [primitive(row, ring) for row in rows if any(row)]
         if not (generic and len(rows) == rank):
             rows = independent_rows(rows, ring)
+        # Without columns of zeros: with them a bound on codimensions would be too large.
         filled = [primitive(list(c), ring) for c in zip(*rows, strict=True) if any(c)]
         rows = [list(row) for row in zip(*filled, strict=True)]
-    return rows, rank
+        if not rows or rank <= 0:
+            return rows, rank
+        time.check()
+        if (pivot := _unit(rows, ring, never)) is None:
+            return rows, rank
+        i, j = pivot
+        used = rows.pop(i)
+        for k, row in enumerate(rows):
+            longest = max(map(len, row)) * len(used[j]), len(row[j]) * max(map(len, used))
+            time.check(max(longest) if row[j] else 0)
+            if row[j]:
+                both = zip(row, used, strict=True)
+                row = [ring.reduce(x * used[j] - row[j] * y) for x, y in both]
+            rows[k] = row[:j] + row[j + 1 :]
+        rank -= 1
 
 
 def _unit(rows: Matrix, ring: Ring, never: MadeOnce) -> tuple[int, int] | None:

@@ -424,23 +424,19 @@ class Ring:
         if self.rational and len(poly) > 2:
             return None
         joints = self.joints_of(poly)
-        if len(joints) != 1:
-            return None
-        j = joints[0]
-        variables = self.variables(j)
-        if sum(int(poly.degrees()[v]) for v in variables) > len(variables):
+        if len(joints) != 1 or poly.total_degree() > 1 + len(self.roots):
             return None
         terms = self.terms(poly)
-        if max(sum(m) for m in terms) != 1:
+        if max(map(sum, terms)) != 1:
             return None
-
-        zero = Fraction(0)
+        j, zero = joints[0], Fraction(0)
         by = {m.index(1) if any(m) else None: c for m, c in terms.items()}
-        if self.prismatic[j]:
-            return j, (-by.get(None, zero) / by[variables[0]],)
-        x, y = by.get(variables[1], zero), -by.get(variables[0], zero)
+        first, *second = (by.get(v, zero) for v in self.variables(j))
+        if not second:
+            return j, (-by.get(None, zero) / first,)
+        x, y = *second, -first
         # Canonical representative, so that equal values compare equal.
-        lead = x if x != 0 else y
+        lead = x or y
         return j, (x / lead, y / lead)
 
     # Square roots ----------------------------------------------------------------------

@@ -116,21 +116,15 @@ def jacobian_change(one: Chain, other: Chain, arm: Arm, tip_angle: float = 0.0) 
     if arm.coupling is not None:
         matrix = np.abs(arm.coupling.matrix)
         travel = _product(matrix, travel).sum(axis=1) + np.abs(arm.coupling.offset)
-    step = np.linalg.norm(one.t, axis=1) + np.linalg.norm(other.t, axis=1)
-    step /= 2
+    step = (np.linalg.norm(one.t, axis=1) + np.linalg.norm(other.t, axis=1)) / 2
     step[1:] += np.where(one.prismatic, travel, 0.0)
-    beyond = np.concatenate([np.cumsum(step[::-1])[::-1][1:], [0.0]])  # reach past C_k's origin
-    turned = np.cumsum(angle)[:n]
-    moved, spun = np.zeros(n), np.zeros(n)
-    for i in range(n):
-        if one.prismatic[i]:
-            moved[i] = turned[i] + with_tip
-            continue
-        # An unlimited slide has an infinite step: no turn before it, no change.
-        on_the_way = _product(np.cumsum(angle[i + 1 :]) - angle[i + 1 :], step[i + 1 :])
-        moved[i] = shift[i + 1 :].sum() + on_the_way.sum()
-        moved[i] += _product(turned[i] + with_tip, beyond[i])
-        spun[i] = turned[i] + with_tip
+    turned = np.cumsum(angle)
+    between = np.maximum(turned - angle - turned[:n, None], 0.0)  # [i, k]: of joint i and C_k
+    beyond, later = (np.cumsum(x[::-1])[::-1][1:] for x in (step, shift))  # of all after each
+    spun = turned[:n] + with_tip
+    # An unlimited slide has an infinite step: no turn before it, no change.
+    moved = later + _product(between, step).sum(axis=1) + _product(spun, beyond)
+    moved, spun = np.where(one.prismatic, [spun, 0 * spun], [moved, spun])
     if arm.coupling is not None:  # a free joint moves its followers along
         moved, spun = _product(matrix.T, moved).sum(axis=-1), matrix.T @ spun
     return float(np.hypot(moved / arm.length_scale, spun).max())
