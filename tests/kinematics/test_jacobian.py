@@ -79,7 +79,7 @@ def test_task_derivatives_are_scaled_like_the_task(rng):
     rows = [(90, 0, 20), (90, 20, 0), (0, 0, 20, 0, "prismatic"), (90, 0, 10)]
     arm, size = dh_arm(rows).with_task("vx,vz,wy", length_scale=0.5), 100.0
     Q = draw(arm, rng, 6)
-    J, H = kinematics.own_jacobians_and_derivatives(arm, Q)
+    J, H = kinematics.own_jacobians_and_derivatives(kinematics.batch(arm), Q)
     full = kinematics.jacobian_derivative(kinematics.frame_jacobians(arm, Q))
     rows = np.array([1 / size, 1 / size, 1.0])[:, None]
     columns = np.where(arm.prismatic, size, 1.0)
@@ -275,9 +275,9 @@ def test_rows_at_the_tip_are_pinocchios_local_ones(robot, rng):
 @pytest.mark.parametrize("task", ["tool-axis-x", "vx@tip,wy@tip", "vz,wx@tip,wy@tip"])
 def test_derivatives_and_engines_agree(task, rng):
     arm = pinsing.load("puma560", task=task)
-    Q = arm.space.sample(3, rng)
-    _, H = kinematics.own_jacobians_and_derivatives(arm, Q)
-    numeric = differences(lambda x: kinematics.own_jacobians_and_derivatives(arm, x)[0], Q)
+    Q, on = arm.space.sample(3, rng), kinematics.batch(arm)
+    _, H = kinematics.own_jacobians_and_derivatives(on, Q)
+    numeric = differences(lambda x: kinematics.own_jacobians_and_derivatives(on, x)[0], Q)
     np.testing.assert_allclose(H, numeric, atol=1e-8)
     compiled = ("auto", "baseline") if kernel.available() else ("auto",)
     by = [kinematics.singular_values(arm, Q, engine=e) for e in (*compiled, "pinocchio")]

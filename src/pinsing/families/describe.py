@@ -72,7 +72,7 @@ from pinsing.families.zero_set import (
     thrown,
 )
 from pinsing.kinematics.at import Loss, State, loss_at
-from pinsing.kinematics.jacobian import batch, generic_rank, own_shares, ratios
+from pinsing.kinematics.jacobian import PINOCCHIO, Batch, generic_rank, own_shares, ratios
 from pinsing.kinematics.lost_motion import STRUCTURE_TOL, JointAxes, arm_centres, generic_axes
 from pinsing.kinematics.refine import kinds_many
 from pinsing.measures import ALIKE, SEED, Array, Reachability
@@ -501,7 +501,8 @@ def title_of(arm: Arm, points: Array) -> str:
     conditions = _conditions(arm)
     if not conditions or not len(points):
         return ""
-    axes = JointAxes.each(batch(arm).frame_jacobians(points), arm.prismatic, np.zeros(3))
+    J = Batch(arm, PINOCCHIO).frame_jacobians(points)
+    axes = JointAxes.each(J, arm.prismatic, np.zeros(3))
     found = [name for name, holds in conditions.items() if all(holds(a, ALIKE) for a in axes)]
     return found[0] if len(found) == 1 else ""
 
@@ -694,7 +695,7 @@ def readable(family: Family, branch: Branch, q: Array, arm: Arm, within_limits: 
         if within_limits and arm.space.unreachable(found).any():
             continue
         # One of the same rank, the first to all digits.
-        sigma = batch(arm, threads=1).sigma(np.stack([found, q]))[:, :rank]
+        sigma = Batch(arm, PINOCCHIO).sigma(np.stack([found, q]))[:, :rank]
         ratio = sigma / sigma[:, :1].clip(min=1e-300)
         zeros = ratio <= 1e-8
         if (zeros[0] == zeros[1]).all() and (ratio[0][zeros[0]] <= 1e-11).all():
@@ -757,7 +758,7 @@ def describe(
     # Points have half of their digits only where an equation touches zero: sigma_r / sigma_1 of one
     # that has all is less.
     drawn = draft.confirm is None and any(b.equations for b in draft.branches)
-    if drawn and (ratios(exact, found) > 1e-9).any():
+    if drawn and (ratios(exact, found, PINOCCHIO) > 1e-9).any():
         return describe(group, maker, arm, OwnPoints(exact))
     if not len(found):
         return draft
@@ -791,7 +792,7 @@ def describe(
         kind=kinds[0].kind if len(kinds) == 1 else "varies",
         kinds=kinds,
         reason="; ".join(d.reason for d in loss.dependences),
-        raw_ratio=None if maker.geometry.exact else float(ratios(arm, found).max()),
+        raw_ratio=None if maker.geometry.exact else float(ratios(arm, found, PINOCCHIO).max()),
     )
 
 

@@ -417,7 +417,7 @@ def generic_rank(arm: Arm) -> int:
     # about one at the arm's own scale: the task's rows may be nothing but rounding. So where the
     # last one is 1e-6 of that, and of the task's sigma_1, at a single configuration, J has full
     # rank there, and thereby at almost every one.
-    sigma = batch(arm, PINOCCHIO).own_sigma(random_turns(arm, _RANK_SAMPLES))
+    sigma = Batch(arm, PINOCCHIO).own_sigma(random_turns(arm, _RANK_SAMPLES))
     if (sigma[:, -1] > ALIKE * np.maximum(sigma[:, 0], 1.0)).any():
         rank = min(len(arm.task.rows), arm.n)
     elif arm.coupling is not None:
@@ -437,7 +437,7 @@ def task_size(arm: Arm) -> float:
     """Return the median of sigma_1 at the arm's own scale; 0 for ``pose``, which never vanishes."""
     if arm.task.name == "pose":
         return 0.0
-    found = batch(arm, PINOCCHIO).own_sigma(random_turns(arm, _SIZE_SAMPLES))
+    found = Batch(arm, PINOCCHIO).own_sigma(random_turns(arm, _SIZE_SAMPLES))
     return float(np.median(found[:, 0]))
 
 
@@ -720,7 +720,7 @@ def frame_jacobian(arm: Arm, q: ArrayLike) -> Array:
            [ 0.677,  0.277,  0.014],
            [ 1.   ,  1.   ,  1.   ]])
     """
-    return np.asarray(batch(arm, PINOCCHIO).frame_jacobians(arm.check_one(q)[None])[0])
+    return np.asarray(Batch(arm, PINOCCHIO).frame_jacobians(arm.check_one(q)[None])[0])
 
 
 @checked
@@ -882,9 +882,10 @@ def jacobian_derivative(J: ArrayLike) -> Array:
     return np.concatenate([dv, np.where(later, each_cross(w, w), 0.0)], axis=-3)
 
 
-def own_jacobians_and_derivatives(arm: Arm, Q: Array) -> tuple[Array, Array]:
+def own_jacobians_and_derivatives(on: Batch, Q: Array) -> tuple[Array, Array]:
     """Return task Jacobians (N, m, n) and derivatives (N, m, n, n) at Q, at `OwnScale`."""
-    scale, J = own_scale(arm), batch(arm).model_jacobians(Q)
+    arm, J = on.arm, on.model_jacobians(Q)
+    scale = own_scale(arm)
     H = jacobian_derivative(J)
     if arm.coupling is not None:
         matrix = arm.coupling.matrix
@@ -894,7 +895,7 @@ def own_jacobians_and_derivatives(arm: Arm, Q: Array) -> tuple[Array, Array]:
     slopes = H[:, rows]
     if at_tip:
         # With dR/dq_j = [w_j] R the rows R^T v_i change by R^T (dv_i/dq_j - w_j x v_i).
-        back = np.swapaxes(tip_rotations(arm, Q), 1, 2)
+        back = np.swapaxes(tip_rotations(arm, Q, on.engine, on.threads), 1, 2)
         parts = (H[:, k : k + 3] - each_cross(J[:, 3:], J[:, k : k + 3]) for k in (0, 3))
         both = [np.einsum("...ab,...bij->...aij", back, carried) for carried in parts]
         turned = np.concatenate(both, axis=1)[:, rows]
@@ -908,7 +909,7 @@ def generic_task(arm: Arm) -> Array:
     """Task Jacobians (k, m, n) of the nominal geometry at random configurations, without units."""
     exact = nominal(arm).arm
     Q = random_turns(exact, 6)
-    return own_scale(exact).apply(exact, batch(exact).frame_jacobians(Q), Q)
+    return own_scale(exact).apply(exact, Batch(exact, PINOCCHIO).frame_jacobians(Q), Q)
 
 
 def read_pose(pose: ArrayLike) -> tuple[Array, Array | None]:

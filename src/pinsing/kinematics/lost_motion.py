@@ -17,8 +17,9 @@ import numpy as np
 
 from pinsing._batch import engine as kernel
 from pinsing.kinematics.jacobian import (
+    PINOCCHIO,
     SINGULAR_RTOL,
-    batch,
+    Batch,
     generic_rank,
     generic_task,
     own_scale,
@@ -485,7 +486,7 @@ def moving_columns(arm: Arm) -> tuple[int, ...]:
 
 def generic_axes(arm: Arm) -> list[JointAxes]:
     """Joint axes at random configurations, with the base as origin."""
-    J = batch(arm).frame_jacobians(random_turns(arm, 4))
+    J = Batch(arm, PINOCCHIO).frame_jacobians(random_turns(arm, 4))
     return JointAxes.each(J, arm.prismatic, np.zeros(3))
 
 

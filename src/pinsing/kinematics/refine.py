@@ -15,6 +15,7 @@ from pinsing.kinematics.jacobian import (
     NEAR_RTOL,
     PINOCCHIO,
     SINGULAR_RTOL,
+    Batch,
     Status,
     batch,
     frame_jacobian,
@@ -51,7 +52,7 @@ def clear_kinds(arm: Arm, Q: Array) -> list[Kind | None]:
 
     Of arms whose generic rank is the number m of rows, which miss no motion elsewhere.
     """
-    J, H = own_jacobians_and_derivatives(arm, Q)
+    J, H = own_jacobians_and_derivatives(Batch(arm, PINOCCHIO), Q)
     count, m, n = J.shape
     U, sigma, Vt = np.linalg.svd(J)
     lost, still = U[:, None, :, -1], Vt[:, m - 1 :]
@@ -90,7 +91,9 @@ def kinds_many(arm: Arm, Q: Array) -> list[Kind]:
     clear: list[Kind | None] = clear_kinds(arm, Q) if full else [None] * len(Q)
     found = dict(enumerate(clear))
     if left := [i for i, kind in found.items() if kind is None]:
-        rows = zip(Q[left], *own_jacobians_and_derivatives(arm, Q[left]), strict=True)
+        rows = zip(
+            Q[left], *own_jacobians_and_derivatives(Batch(arm, PINOCCHIO), Q[left]), strict=True
+        )
         decided = _decided(arm, [_Spaces(arm, *row) for row in rows])
         found |= dict(zip(left, decided, strict=True))
     return [kind for kind in found.values() if kind is not None]
@@ -224,7 +227,7 @@ def _slide(arm: Arm, at: Array, u: Array, starts: Array) -> tuple[Array, Bool]:
         turn = -turn_left(arm.task, R, turned[moving])
         apart = np.concatenate([position - place[moving], turn], axis=1)
         error = task_rows(arm, apart[:, :, None], Q, R)[:, :, 0] * scale.rows
-        J, H = own_jacobians_and_derivatives(arm, Q)
+        J, H = own_jacobians_and_derivatives(batch(arm), Q)
         F = np.concatenate([error, np.einsum("krj,kr->kj", J, u[moving])], axis=1)
         left = np.abs(F).max(axis=1) > 1e-10
         moving = moving[left]
@@ -343,7 +346,7 @@ def constraint_gradient(arm: Arm, Q: Array) -> tuple[Array, Array]:
     # At the arm's own scale. K = (m-r+1)(n-r+1); the first row is the gradient of sigma_r where
     # that is simple: d sigma_r / d q_j = u_r^T (dJ/dq_j) v_r.
     r = generic_rank(arm)
-    J, H = own_jacobians_and_derivatives(arm, np.atleast_2d(Q))
+    J, H = own_jacobians_and_derivatives(batch(arm), np.atleast_2d(Q))
     U, sigma, Vt = np.linalg.svd(J, full_matrices=True)
     U0, V0 = U[:, :, r - 1 :], np.swapaxes(Vt[:, r - 1 :, :], 1, 2)
     N, n = J.shape[0], J.shape[2]
@@ -622,7 +625,7 @@ def _describe(arm: Arm, drops: RankDrops) -> tuple[SingularConfiguration, ...]:
     left, such as a vanishing Q, is ``undecided``.
     """
     Q, r, scale, inside = drops.q, generic_rank(arm), own_scale(arm), arm.within_limits(drops.q)
-    J, H = own_jacobians_and_derivatives(arm, Q)
+    J, H = own_jacobians_and_derivatives(batch(arm), Q)
     # What is printed of it is at the length scale of the arm, and by its own joint speeds.
     at_scale, sigma = scale_rows(arm, frame_jacobians(arm, Q), Q), singular_values(arm, Q)
     lengths = np.where(np.array(arm.task.rows) < 3, arm.length_scale, 1.0)
