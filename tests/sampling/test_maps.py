@@ -17,7 +17,7 @@ import pytest
 from command_line import and_peak, run
 from hypothesis import given, strategies as st
 from kernel import needs_kernel
-from tiers import tiered
+from tiers import tiered, tiered_rows
 
 from pinsing import clearance, closed_form, plot, singular_values
 from pinsing._batch import engine as kernel
@@ -94,20 +94,19 @@ def test_the_kernel_puts_the_same_bits(start: int, length: int, n: int, seed: in
 
 @needs_kernel
 def test_the_kernel_refuses_what_is_not_there() -> None:
-    k = 3
-    words, columns, ones = np.zeros((2, k), dtype=np.uint64), np.arange(k), np.ones(k)
-    out = np.empty((2, k))
+    words, columns, ones = np.zeros((2, 3), dtype=np.uint64), np.arange(3), np.ones(3)
+    good = [words, words, 1, columns, ones, ones, np.empty((2, 3))]
     put_words = kernel.module().put_words
-    put_words(words, words, 1, columns, ones, ones, out)
-    for heads, place, at, low, said in (
-        (words[:1], 2, columns, ones, "not as long"),
-        (words[:1], 3, columns, ones, "not as long"),
-        (words, 0, columns + 1, ones, "columns must be in"),
-        (words, 0, columns, ones[:2], "must have shape"),
-        (words[:, :2].copy(), 0, columns, ones, "heads must have shape"),
+    put_words(*good)
+    for wrong, said in (
+        ({1: words[:1], 2: 2}, "not as long"),
+        ({1: words[:1], 2: 3}, "not as long"),
+        ({2: 0, 3: columns + 1}, "columns must be in"),
+        ({2: 0, 4: ones[:2]}, "must have shape"),
+        ({1: words[:, :2].copy(), 2: 0}, "heads must have shape"),
     ):
         with pytest.raises(ValueError, match=said):
-            put_words(words, heads, place, at, low, ones, out)
+            put_words(*(wrong.get(i, value) for i, value in enumerate(good)))
 
 
 @pytest.mark.parametrize("sampling", ["sobol", "random"])
@@ -243,10 +242,13 @@ def test_tallies_join_in_any_order(data, worst, cuts, seed):
         np.testing.assert_array_equal(array, whole.record()[name])
 
 
-@pytest.mark.parametrize("sampling", ["sobol", "random", "grid"])
-def test_a_map_is_what_all_its_values_say(sampling: str) -> None:
-    arm = arms.textbook("puma560")
-    result = sigma_map(arm, sampling, count=N, worst=30)
+MEASURED = [("sobol", "sigma"), ("random", "sigma"), ("grid", "sigma"), ("random", "clearance")]
+
+
+@pytest.mark.parametrize(("sampling", "measure"), tiered_rows(MEASURED, MEASURED[:3]))
+def test_a_map_is_what_all_its_values_say(sampling: str, measure: str) -> None:
+    arm = arms.textbook("puma560") if measure == "sigma" else arms.ur5()
+    result = sigma_map(arm, sampling, measure=measure, count=N, worst=30)
     plan = result.plan
     Q = plan.configurations(0, plan.count)
     sigma = singular_values(arm, Q)
@@ -261,7 +263,24 @@ def test_a_map_is_what_all_its_values_say(sampling: str) -> None:
         np.testing.assert_array_equal(point.q, Q[point.index])
         assert point.ratio == ratio[point.index]
         assert point.sigma_min == sigma[point.index, -1]
-    for values, found in ((sigma[:, -1], result.sigma_min), (ratio, result.ratio)):
+    measured = [(sigma[:, -1], result.sigma_min), (ratio, result.ratio)]
+    if measure == "clearance":
+        near, spread = clearance(closed_form(arm), Q), result.clearance
+        measured += [(near.lower, spread.lower), (near.upper, spread.upper)]
+        assert spread.families == near.names
+        assert spread.complete
+        order = np.lexsort((np.arange(plan.count), near.lower))[:30]
+        nearest = [(i, near.lower[i], near.upper[i], near.nearest[i]) for i in order]
+        assert [(p.index, p.lower, p.upper, p.family) for p in spread.nearest] == nearest
+        text = result.text(degrees=True)
+        assert "distance to the nearest of F1, F2, F3, in degrees" in text
+        assert f"{math.degrees(near.lower.min()):.4g}" in text
+        assert MapResult.from_json(result.to_json()).to_json() == result.to_json()
+    else:
+        old = result.to_dict()
+        assert old.pop("clearance") is None  # as the version before wrote it
+        assert MapResult.from_dict(old).clearance is None
+    for values, found in measured:
         assert found.smallest.value == values.min()
         assert found.largest.value == values.max()
         np.testing.assert_array_equal(found.largest.q, Q[found.largest.index])
@@ -303,15 +322,12 @@ def test_chunks_and_threads_do_not_change_a_bit(engine: str, robot: str) -> None
     assert text(executor=Backwards(), chunk=BLOCK, parallel=3) == one
 
 
-def test_a_worker_that_dies_is_an_error_that_says_so() -> None:
+def test_workers_that_die_or_have_not_the_instruction_set_say_so(monkeypatch) -> None:
     with local_processes(1) as (executor, _):
         victim = executor.submit(signal.raise_signal, signal.SIGKILL)
         assert victim.exception() is not None
         with pytest.raises(WorkerError, match="a worker process died"):
             sigma_map(arms.ur5(), count=100, executor=executor)
-
-
-def test_a_worker_without_the_instruction_set_says_so(monkeypatch) -> None:
     work = fixed_batch(arms.ur5(), "auto")
     monkeypatch.setattr(kernel, "isa_names", lambda: ("baseline",))
     if work.engine in ("baseline", "pinocchio"):
@@ -350,6 +366,7 @@ def test_the_command_takes_options_of_a_grid() -> None:
     words = "map stanford --sampling grid --steps q5=5,d3=3 --map-joints d3,q5 --deg"
     ranges = ["--range", "q5=-90,90", "--q", "0,60,0.1,0,0,0", "-o", "-"]
     done = run(*words.split(), *ranges)
+    assert (done.exit_code, run(*words.split(), *ranges, "--fail-if-singular").exit_code) == (0, 1)
     data = json.loads(done.stdout)
     assert data["plan"]["steps"] == [3, 5]
     assert data["plan"]["ranges"][1] == pytest.approx([-math.pi / 2, math.pi / 2])
@@ -396,37 +413,6 @@ def test_rate_and_remaining_time() -> None:
     assert [short(x) for x in (7, 12_345, 3.2e9, 1e12)] == ["7", "12.3 k", "3.2 G", "1 T"]
     said = [duration(s) for s in (59, 200, 18_600, 187_200)]
     assert said == ["59 s", "3 min 20 s", "5 h 10 min", "2 d 4 h"]
-
-
-@pytest.mark.slow
-def test_a_map_of_the_clearance_is_that_of_each_configuration() -> None:
-    arm = arms.ur5()
-    form = closed_form(arm)
-    result = sigma_map(arm, measure="clearance", forms=form, count=3 * BLOCK + 7, worst=9, seed=4)
-    found = clearance(form, result.plan.configurations(0, result.done))
-    spread = result.clearance
-    assert spread.families == found.names
-    assert spread.complete
-    order = np.lexsort((np.arange(result.done), found.lower))[:9]
-    assert [p.index for p in spread.nearest] == order.tolist()
-    for point, i in zip(spread.nearest, order, strict=True):
-        assert (point.lower, point.upper) == (found.lower[i], found.upper[i])
-        assert point.family == found.nearest[i]
-    assert spread.lower.smallest.value == found.lower.min()
-    assert spread.lower.largest.value == found.lower.max()
-    assert spread.upper.largest.value == found.upper.max()
-    assert spread.lower.counts.sum() == spread.upper.counts.sum() == result.done
-    assert np.isclose(spread.lower.quantile(0.5), np.median(found.lower), rtol=5e-3)
-    plain = sigma_map(arm, count=3 * BLOCK + 7, worst=9, seed=4)
-    assert plain.clearance is None
-    assert plain.ratio.smallest.value == result.ratio.smallest.value
-    assert MapResult.from_json(result.to_json()).to_json() == result.to_json()
-    old = plain.to_dict()
-    del old["clearance"]  # as the version before wrote it
-    assert MapResult.from_dict(old).clearance is None
-    text = result.text(degrees=True)
-    assert "distance to the nearest of F1, F2, F3, in degrees" in text
-    assert f"{math.degrees(found.lower.min()):.4g}" in text
 
 
 def test_a_map_of_the_clearance_goes_on_in_its_folder(tmp_path: Path) -> None:
