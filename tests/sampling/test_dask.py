@@ -133,41 +133,31 @@ def test_a_worker_killed_in_the_middle(tmp_path: Path) -> None:
     assert result.to_json() == sigma_map(arm, **options).to_json()
 
 
-def test_nobody_answers() -> None:
-    for address in ("tcp://127.0.0.1:9", "nonsense://x"):
-        with (
-            pytest.raises(WorkerError, match=f"no dask scheduler at {address}"),
-            dask_cluster(address, timeout=0.3),
-        ):
-            pass
+OUT_OF_REACH = ["tcp://127.0.0.1:9", "tls://127.0.0.1:1", "ucxx://127.0.0.1:1", "a..b:1"]
+NO_ADDRESS = ["junk", "", "tcp://", "http://[", "tcp://127.0.0.1:99999", "inproc://x", "a b:1"]
+NO_ADDRESS += ["nonsense://x"]
 
 
-@pytest.mark.parametrize(
-    "address", ["junk", "", "tcp://", "http://[", "tcp://127.0.0.1:99999", "inproc://x", "a b:1"]
-)
-def test_a_bad_address_is_one_line_at_once(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nobody is asked, so nothing is waited for."""
+@pytest.mark.parametrize("address", [*OUT_OF_REACH, *NO_ADDRESS])
+def test_an_address_that_cannot_be_reached_is_one_line(address, monkeypatch):
+    """No client is left half made: it says so 20 s later, in a traceback on stderr."""
     asked: list[Any] = []
-    monkeypatch.setattr("pinsing.sampling.executors._knock", lambda *given: asked.append(given))
     monkeypatch.setattr(distributed, "Client", lambda *given, **_: asked.append(given))
-    words = ["map", "planar3r", "--count", "1e4", "--dask", address]
-    done = run(*words)
-    assert not asked
-    assert done.exit_code == 2
-    errors = [x for x in done.stderr.splitlines() if not x.startswith("pinsing: note")]
-    assert len(errors) == 1
-    assert f"no dask scheduler at {address}" in errors[0]
-    assert "no address such as tcp://HOST:PORT" in errors[0]
-
-
-@pytest.mark.parametrize("address", ["tls://127.0.0.1:1", "ucxx://127.0.0.1:1", "a..b:1"])
-def test_an_address_that_cannot_be_reached_leaves_no_client_behind(address, monkeypatch):
-    """A client that is half made says so 20 s later, in a traceback on stderr."""
-    made: list[Any] = []
-    monkeypatch.setattr(distributed, "Client", lambda *given, **_: made.append(given))
-    with pytest.raises(WorkerError, match="no dask scheduler at "), dask_cluster(address, 1.0):
+    if address in NO_ADDRESS:  # nobody is asked, so nothing is waited for
+        monkeypatch.setattr("pinsing.sampling.executors._knock", lambda *given: asked.append(given))
+    with pytest.raises(WorkerError) as caught, dask_cluster(address, 0.3):
         pass
-    assert not made
+    assert not asked
+    said = str(caught.value)
+    assert said.startswith(f"no dask scheduler at {address}")
+    assert "\n" not in said
+    assert ("no address such as tcp://HOST:PORT" in said) == (address in NO_ADDRESS)
+
+
+def test_the_command_says_so_too() -> None:
+    done = run("map", "planar3r", "--count", "1e4", "--dask", "junk")
+    assert done.exit_code == 2
+    assert "\npinsing: error: no dask scheduler at junk" in f"\n{done.stderr}"
 
 
 @pytest.mark.slow
@@ -190,15 +180,19 @@ def test_a_scheduler_that_dies(tmp_path: Path, number: signal.Signals) -> None:
     assert f"{kept} of 489 chunks were done before" in done.stderr
 
 
+OLD = "has pinsing 0\\.0\\.9 installed, and this is .*: install"
+
+
 @pytest.mark.slow
-def test_a_worker_of_another_version(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("workers", "said"), [(1, OLD), (0, "has no workers")])
+def test_a_cluster_that_is_of_no_use(tmp_path: Path, workers: int, said: str) -> None:
     old = tmp_path / "old" / "pinsing-0.0.9.dist-info"
     old.mkdir(parents=True)
     (old / "METADATA").write_text("Metadata-Version: 2.1\nName: pinsing\nVersion: 0.0.9\n")
     with (
-        cluster(tmp_path, 1, {"PYTHONPATH": str(old.parent)}) as found,
-        pytest.raises(WorkerError, match=r"has pinsing 0\.0\.9 installed, and this is .*: install"),
-        dask_cluster(found.address, timeout=SECONDS),
+        cluster(tmp_path, workers, {"PYTHONPATH": str(old.parent)}) as found,
+        pytest.raises(WorkerError, match=said),
+        dask_cluster(found.address, timeout=SECONDS if workers else 1),
     ):
         pass
 
@@ -207,16 +201,6 @@ def test_a_worker_that_joined_later_with_another_version() -> None:
     assert call_there(__version__, divmod, 7, 2) == (3, 1)
     with pytest.raises(WorkerError, match=r"a dask worker has pinsing .* and this is 9\.9"):
         call_there("9.9", divmod, 7, 2)
-
-
-@pytest.mark.slow
-def test_a_scheduler_without_workers(tmp_path: Path) -> None:
-    with (
-        cluster(tmp_path, 0) as found,
-        pytest.raises(WorkerError, match="has no workers"),
-        dask_cluster(found.address, timeout=1),
-    ):
-        pass
 
 
 def test_without_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:

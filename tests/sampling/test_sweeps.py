@@ -6,6 +6,7 @@ Sweeps of any size: reduced as they go, cut anywhere, in bounded memory, nothing
 import itertools
 import signal
 import sys
+from collections import Counter
 from pathlib import Path
 
 import arms
@@ -45,26 +46,29 @@ def sets(result):
     }
 
 
+def uniform(result):
+    """Where all joints are at one special value, by that in units of pi."""
+    return {round(row.value / PI, 6): row for row in result.uniform}
+
+
 def test_stanford_as_in_the_paper(stanford):
-    """Section 3.2.1: pi/3 and d3 = 0.3; q1 and q6 without effect; the three families."""
+    """Section 3.2.1: pi/3 and d3 = 0.3; q1 and q6 without effect; the three families.
+
+    Step (2): all joints at 0 and pi are singular, sigma_min = 0.209 at pi/2.
+    """
     plan = stanford.plan
     np.testing.assert_allclose(plan.nominal, [PI / 3, PI / 3, 0.3, PI / 3, PI / 3, PI / 3])
     assert plan.nominal_origin == "pi/3"
     assert plan.nominal_sigma[-1] == pytest.approx(0.16316, abs=1e-5)
     assert [e.joint for e in plan.effects if not e.swept] == ["q1", "q6"]
-    assert all(e.change < 1e-12 for e in plan.effects if not e.swept)
-    assert min(e.change for e in plan.effects if e.swept) > 0.01
+    assert all((e.change > 0.01) if e.swept else (e.change < 1e-12) for e in plan.effects)
     values = ("q2", 0.0), ("q2", 1.0), ("d3", 0.0), ("q5", 0.0), ("q5", 1.0)
     assert sets(stanford) == {frozenset({value}) for value in values}
-
-
-def test_all_joints_at_each_special_value(stanford):
-    """Step (2): singular at 0 and pi, sigma_min = 0.209 at pi/2 as the paper has it."""
-    rows = {round(row.value / PI, 6): row for row in stanford.uniform}
-    assert set(rows) == {0.0, 0.5, -0.5, 1.0}
+    rows = uniform(stanford)
+    assert {k: row.status for k, row in rows.items()} == {
+        0.0: "singular", 0.5: "regular", -0.5: "regular", 1.0: "singular"
+    }  # fmt: skip
     assert rows[0.5].sigma_min == pytest.approx(0.209, abs=1e-4)
-    assert rows[0.5].status == "regular"
-    assert rows[0.0].status == rows[1.0].status == "singular"
 
 
 def test_surgical_arm_minimal_sets(surgical):
@@ -74,8 +78,7 @@ def test_surgical_arm_minimal_sets(surgical):
     expected = {frozenset({("q4", v)}) for v in (0.0, 1.0)}
     assert sets(surgical) == expected | {frozenset({("q2", a), ("q3", b)}) for a, b in pairs}
     assert {e.joint for e in surgical.plan.effects if not e.swept} == {"d1", "q7"}
-    rows = {round(row.value / PI, 6): row for row in surgical.uniform}
-    assert rows[0.5].sigma_min == pytest.approx(0.040744, abs=1e-6)
+    assert uniform(surgical)[0.5].sigma_min == pytest.approx(0.040744, abs=1e-6)
 
 
 @pytest.mark.parametrize("levels", [1, 2, 3])
@@ -111,14 +114,12 @@ def test_counts_without_pruning():
 
 
 def test_curve_look_up(stanford):
-    """The paper's Figures 2 to 4: level 0 for q1 and q6; q2 = -pi is q2 = pi."""
-    flat = stanford.curve({}, "q6")
-    assert np.ptp(flat.sigma_min) < 1e-14
+    """The paper's Figures 2 to 4: level 0 for q1 and q6; q2 = -pi is q2 = pi.
+
+    Figure 8a: q2 = q3 = 0 while q5 moves; and supersets such as q2 = q3 = q4 = 0.
+    """
+    assert np.ptp(stanford.curve({}, "q6").sigma_min) < 1e-14
     assert stanford.curve({"q2": -PI}, "q4") is stanford.curve({"q2": PI}, 3)
-
-
-def test_prune_false_keeps_what_the_figures_need():
-    """Figure 8a: q2 = q3 = 0 while q5 moves; and supersets such as q2 = q3 = q4 = 0."""
     options = {"levels": [2, 3], "ignore_limits": True, "prune": False}
     result = sweep(arms.textbook("surgical7"), PAPER, **options)
     assert result.curve({"q2": 0.0, "q3": 0.0}, "q5").sigma_ratio.max() < 1e-12
@@ -212,72 +213,50 @@ def test_curves_by_number_are_those_of_the_plan(prune: bool) -> None:
 
 
 def test_minima_are_neither_lost_nor_doubled(rng: np.random.Generator) -> None:
-    """Rough curves with plateaus."""
+    """Rough curves with plateaus; a singular stretch, whose dips are rounding, is one."""
     for _ in range(40):
         values = rng.integers(1, 6, 23).astype(float)
         before, after = np.append(np.inf, values[:-1]), np.append(values[1:], np.inf)
         expected = np.flatnonzero((values < before) & (values <= after))
         np.testing.assert_array_equal(dips(values), expected)
-
-
-def test_a_singular_stretch_is_one_candidate() -> None:
-    """In it all dips are rounding; a crossing keeps its own."""
     sigma = np.array([[3, 1, 2, 1e-17, 3e-17, 1e-17, 2e-17, 0, 1e-17, 2, 1e-12, 3, 0.5, 1e-10]])
-    found = np.flatnonzero(minima(sigma, sigma / 3)[0])
-    assert found.tolist() == [1, 5, 10, 13]
+    assert np.flatnonzero(minima(sigma, sigma / 3)[0]).tolist() == [1, 5, 10, 13]
     one = np.full((1, 9), 1e-17) * [1, 2, 1, 3, 1, 2, 1, 1, 2]
     assert np.flatnonzero(minima(one, one)[0]).tolist() == [3]
 
 
-def pooled(
-    data: tuple[np.ndarray, ...], most: int, order: np.ndarray, cuts: list[int], tree: bool
-) -> dict[str, np.ndarray]:
-    whole = Pool(most)
-    for rows in np.split(order, cuts):
-        part = Pool(most) if tree else whole
-        part.add(*(column[rows] for column in data))
-        if tree:
-            whole.join(part.record())
-    return whole.record()
-
-
-def test_candidates_that_are_kept_do_not_depend_on_the_chunks(rng: np.random.Generator) -> None:
-    N = 30_000
-    ratio = np.round(rng.random(N), 3)  # with ties
-    kind = rng.geometric(0.05, N).astype(np.int64)
-    data = (rng.permutation(N).astype(np.int64), kind, 2 * ratio, ratio)
-    for most in (7, 500, N - 1, N, 2 * N):
-        first = pooled(data, most, np.arange(N), [], False)
-        assert int(first["dips_found"]) == N
-        assert len(first["dip_number"]) == min(N, most)
-        assert (np.diff(first["dip_number"]) > 0).all()
-        for tree in (True, False):
-            cuts = np.sort(rng.choice(N, 40, replace=False)).tolist()
-            again = pooled(data, most, rng.permutation(N), cuts, tree)
-            for name in first:
-                np.testing.assert_array_equal(first[name], again[name])
-
-
-def test_candidates_are_shared_out_among_kinds(rng: np.random.Generator) -> None:
-    """By the definition, slowly: whoever is placed best within his kind goes first."""
-    N, most = 2000, 300
-    ratio, kind = rng.random(N), rng.choice([1, 2, 3, 50], N, p=[0.9, 0.08, 0.015, 0.005])
-    number = rng.permutation(N)
-    pool = Pool(most)
-    pool.add(number, kind, ratio, ratio)
-    places: dict[int, int] = {}
+def kept(most: int, *columns: np.ndarray) -> list[int]:
+    """Numbers of those that are kept, by the definition: the best placed of all kinds first."""
+    number, kind, _, ratio = columns
+    places: Counter[int] = Counter()
     keys = []
     for i in np.lexsort((number, ratio)).tolist():
-        place = places.setdefault(int(kind[i]), 0)
-        places[int(kind[i])] += 1
-        keys.append((place, ratio[i], number[i]))
-    expected = sorted(k[2] for k in sorted(keys)[:most])
-    kept = pool.record()
-    assert kept["dip_number"].tolist() == expected
-    counts = {k: int((kept["dip_kind"] == k).sum()) for k in (1, 2, 3, 50)}
-    assert counts[50] == (kind == 50).sum()  # the rare are all there
-    assert counts[3] == (kind == 3).sum()
-    assert abs(counts[1] - counts[2]) <= 1
+        keys.append((places[kind[i]], ratio[i], number[i]))
+        places[kind[i]] += 1
+    return sorted(number for *_, number in sorted(keys)[:most])
+
+
+@pytest.mark.parametrize("most", [7, 500, 5999, 6000, 12000])
+def test_candidates_are_shared_out_among_kinds_whatever_the_chunks(most: int, rng) -> None:
+    N = 6000
+    ratio = np.round(rng.random(N), 3)  # with ties
+    kind = rng.choice([1, 2, 3, 50], N, p=[0.9, 0.08, 0.015, 0.005])
+    data = (rng.permutation(N).astype(np.int64), kind, 2 * ratio, ratio)
+    expected = kept(most, *data)
+    for tree in (True, False):
+        pool = Pool(most)
+        cuts = np.sort(rng.choice(N, 40, replace=False)).tolist()
+        for rows in np.split(rng.permutation(N), cuts):
+            part = Pool(most) if tree else pool
+            part.add(*(column[rows] for column in data))
+            if tree:
+                pool.join(part.record())
+        record = pool.record()
+        assert int(record["dips_found"]) == N
+        assert record["dip_number"].tolist() == expected
+        by_number = np.argsort(data[0])[expected]
+        for name, column in zip(("kind", "sigma", "ratio"), data[1:], strict=True):
+            np.testing.assert_array_equal(record[f"dip_{name}"], column[by_number])
 
 
 def test_summary_and_candidates_are_those_of_the_curves(surgical: SweepResult) -> None:
