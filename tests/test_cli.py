@@ -4,7 +4,6 @@ import json
 import os
 import shlex
 import signal
-import stat
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -17,10 +16,8 @@ from tiers import tiered
 from urdf_texts import LIMIT, XACRO, joint, robot
 
 import pinsing
-from pinsing.atomic_write import check_writable, write_text
 from pinsing.cli.app import COMMANDS
 from pinsing.cli.options import parse_numbers
-from pinsing.errors import OutputError
 from pinsing.report.arm_report import ArmInfo
 from pinsing.robot.load import load
 from pinsing.sampling.analyze import Analysis
@@ -193,36 +190,6 @@ def test_every_command_explains_itself(name):
 )  # fmt: skip
 def test_numbers_that_are_understood(text, values):
     assert parse_numbers(text, "--q") == pytest.approx(values)
-
-
-class TestFiles:
-    def test_mode_and_links_are_kept(self, tmp_path):
-        real, link = tmp_path / "real.txt", tmp_path / "link.txt"
-        real.write_text("old")
-        real.chmod(0o640)
-        link.symlink_to(real)
-        write_text(link, "new")
-        assert link.is_symlink()
-        assert real.read_text() == "new"
-        assert stat.S_IMODE(real.stat().st_mode) == 0o640
-        fresh = tmp_path / "fresh.txt"
-        write_text(fresh, "x")
-        mask = os.umask(0)
-        os.umask(mask)
-        assert stat.S_IMODE(fresh.stat().st_mode) == 0o666 & ~mask
-
-    def test_a_device_is_written_to_and_not_replaced(self):
-        write_text(os.devnull, "x")
-        assert not Path(os.devnull).is_file()
-
-    def test_places_that_cannot_be_written(self, tmp_path):
-        for bad in (tmp_path / "no" / "x.json", tmp_path, "", "a\0b"):
-            with pytest.raises(OutputError):
-                check_writable(bad)
-        source = tmp_path / "in.yaml"
-        source.write_text("x")
-        with pytest.raises(OutputError, match="input"):
-            check_writable(source, inputs=(source,))
 
 
 FILES = {

@@ -49,38 +49,29 @@ def test_what_is_offered(line, some, none):
     assert not none & found
 
 
-def test_families_of_a_saved_analysis(tmp_path, monkeypatch):
-    path = tmp_path / "a.json"
-    path.write_text('{"closed_form": {"families": [{"name": "F7", "text": "q5 = 0"}]}}')
-    assert offered(f"view nowhere --analysis {path} --family ") == ["F7"]
-    path.write_text("{")
-    assert offered(f"view nowhere --analysis {path} --family ") == []
-
-
-def test_robot_files_here(tmp_path, monkeypatch):
-    for name in ("mine.urdf", "mine.xacro", "mine.txt"):
-        (tmp_path / name).write_text("x")
-    monkeypatch.chdir(tmp_path)
-    assert offered("families mi") == ["mine.urdf", "mine.xacro"]
-    assert "ur5" in offered("families ")
-
-
-UNKNOWN = ["at nope --tip ", "at nope --joints ", "view nope --family ", "plot map --over ",
-           "at --tip "]  # fmt: skip
-
-
-@pytest.mark.parametrize("line", UNKNOWN)
-def test_nothing_is_offered_and_nothing_said_where_nothing_is_known(line, capfd):
-    assert offered(line) == []
-    assert capfd.readouterr() == ("", "")
-
-
-def test_names_from_a_file_do_not_reach_the_shell(tmp_path):
+@pytest.mark.parametrize(
+    ("line", "all_of_them"),
+    [
+        ("view nowhere --analysis a.json --family ", ["F7"]),
+        ("view nowhere --analysis bad.json --family ", []),
+        ("families mi", ["mine.urdf", "mine.xacro"]),
+        ("families hostile.urdf --tip ", ["base", "ok_link"]),
+        ("at nope --tip ", []), ("at nope --joints ", []), ("view nope --family ", []),
+        ("plot map --over ", []), ("at --tip ", []),
+    ],
+)  # fmt: skip
+def test_what_is_offered_of_files_here(line, all_of_them, tmp_path, monkeypatch, capfd):
+    """No name from a file that a shell would take apart, and not a word where nothing is known."""
     hostile = ("a$(touch x)", "b;reboot", "c d", "*", "ok_link")
     joints = [J(f"j{k}", "base", name, kind="fixed") for k, name in enumerate(hostile)]
-    path = tmp_path / "arm.urdf"
-    path.write_text(urdf(joints))
-    assert set(offered(f"families {path} --tip ")) <= {"base", "ok_link"}
+    form = '{"closed_form": {"families": [{"name": "F7", "text": "q5 = 0"}]}}'
+    files = {"a.json": form, "bad.json": "{", "hostile.urdf": urdf(joints)}
+    files |= dict.fromkeys(("mine.urdf", "mine.xacro", "mine.txt"), "x")
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    monkeypatch.chdir(tmp_path)
+    assert sorted(offered(line)) == all_of_them
+    assert capfd.readouterr() == ("", "")
 
 
 def shell(folder: Path, words: list[str], **more: str) -> str:

@@ -3,6 +3,7 @@
 import contextlib
 import importlib
 import os
+import stat
 import subprocess
 import sys
 import time
@@ -14,7 +15,7 @@ from unittest.mock import Mock
 import pytest
 from arms import URDF
 from command_line import python, run, started
-from tiers import sampled, tiered
+from tiers import sampled, tiered_rows
 from urdf_texts import robot
 
 import pinsing
@@ -24,10 +25,8 @@ from pinsing.cli.app import VARIANTS
 from pinsing.cli.output import say, waiting
 from pinsing.errors import OutputError, PinsingError, ResultError
 
-COMMANDS = {
-    "at": ["at", "planar3r", "--q", "0,0,0", "--fail-if-singular", "--no-distances"],
-    "json": ["map", "planar3r", "--count", "5000", "-o", "-"], "help": ["--help"], "nothing": [],
-}  # fmt: skip
+AT = ["at", "planar3r", "--q", "0,0,0", "--fail-if-singular", "--no-distances"]
+JSON = ["map", "planar3r", "--count", "5000", "-o"]
 FULL = Path("/dev/full")
 TAKES_NOTHING = "pinsing: error: cannot write to standard output: "
 
@@ -38,43 +37,33 @@ def shell(words: list[str], ending: str, before: str = "") -> subprocess.Complet
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
-def errors(done: subprocess.CompletedProcess[str]) -> list[str]:
+def errors(done: Any) -> list[str]:
     return [x for x in done.stderr.splitlines() if not x.startswith("pinsing: note")]
 
 
-@pytest.mark.parametrize("name", tiered(COMMANDS, {"at"}))
-def test_closed(name: str) -> None:
-    done = shell(COMMANDS[name], ">&-")
-    assert done.returncode == 2
-    assert errors(done) == [TAKES_NOTHING + "it is closed"]
+CLOSED = [TAKES_NOTHING + "it is closed"]
+STREAMS: list[tuple[list[str], str, int, list[str]]] = [
+    (AT, ">&-", 2, CLOSED), ([*JSON, "-"], ">&-", 2, CLOSED), (["--help"], ">&-", 2, CLOSED),
+    ([], ">&-", 2, CLOSED), (AT, "<&- >&- 2>&-", 2, []), (AT, "2>&-", 1, []),
+    (AT, "2> /dev/full", 1, []), ([*JSON, "-"], "| true; exit ${PIPESTATUS[0]}", 141, []),
+]  # fmt: skip
+"""A command and its streams; how it ends, and its errors: 1 is of what was asked for."""
 
 
-@pytest.mark.slow
-def test_all_closed() -> None:
-    assert shell(COMMANDS["at"], "<&- >&- 2>&-").returncode == 2
-
-
-@pytest.mark.slow
-def test_a_reader_that_has_gone() -> None:
-    done = shell(COMMANDS["json"], "| true; exit ${PIPESTATUS[0]}")
-    assert done.returncode == 141
-    assert errors(done) == []
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("ending", tiered(["2>&-", "2> /dev/full"], {"2>&-"}))
-def test_nobody_hears_the_messages(ending: str) -> None:
-    done = shell(COMMANDS["at"], ending)
-    assert done.returncode == 1  # it is singular, and that was asked for
-    assert "SINGULAR" in done.stdout.splitlines()[0]
+@pytest.mark.parametrize(("words", "ending", "code", "said"), tiered_rows(STREAMS, STREAMS[:1]))
+def test_streams_that_are_not_there(words, ending, code, said) -> None:
+    done = shell(words, ending)
+    assert done.returncode == code
+    assert errors(done) == said
+    if code == 1:
+        assert "SINGULAR" in done.stdout.splitlines()[0]
 
 
 @pytest.mark.slow
 def test_a_file_is_whole_though_stdout_is_closed(tmp_path: Path) -> None:
     """Its number is that of the stream which is not there: nothing printed may get into it."""
-    words = ["map", "planar3r", "--count", "5000", "-o"]
     for out, ending in (("a.json", ">&-"), ("b.json", "")):
-        done = shell([*words, str(tmp_path / out)], ending)
+        done = shell([*JSON, str(tmp_path / out)], ending)
         assert done.returncode == (2 if ending else 0)
     assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
     assert sorted(os.listdir(tmp_path)) == ["a.json", "b.json"]
@@ -168,29 +157,24 @@ def test_a_memory_limit_is_said_in_one_line(limit: int) -> None:
     assert said.endswith("raise the limit (ulimit -v)")
 
 
-def failed(error: Exception, monkeypatch: pytest.MonkeyPatch) -> Any:
-    fail = Mock(side_effect=error)
-    monkeypatch.setattr(importlib.import_module("pinsing.robot.load"), "given_file", fail)
-    return run("list", "planar3r")
+LITTLE = "pinsing: error: out of memory: ask for less, or close other programs\n"
 
 
 @pytest.mark.parametrize(
-    "error",
+    ("error", "said"),
     [
-        MemoryError(), RuntimeError("std::bad_alloc"), RuntimeError("can't start new thread"),
-        ImportError("libcoal.so: failed to map segment from shared object"),
+        (MemoryError(), LITTLE), (RuntimeError("std::bad_alloc"), LITTLE),
+        (RuntimeError("can't start new thread"), LITTLE),
+        (ImportError("libcoal.so: failed to map segment from shared object"), LITTLE),
+        (RuntimeError("a fault of ours"), ""),
     ],
 )  # fmt: skip
-def test_running_out_of_memory_is_one_line(error, monkeypatch):
-    done = failed(error, monkeypatch)
-    assert done.exit_code == 2
-    said = "pinsing: error: out of memory: ask for less, or close other programs"
-    assert done.stderr.splitlines() == [said]
-
-
-def test_any_other_error_is_not_taken_for_too_little_memory(monkeypatch):
-    done = failed(RuntimeError("a fault of ours"), monkeypatch)
-    assert isinstance(done.exception, RuntimeError)
+def test_running_out_of_memory_is_one_line_and_no_other_error_is(error, said, monkeypatch):
+    fail = Mock(side_effect=error)
+    monkeypatch.setattr(importlib.import_module("pinsing.robot.load"), "given_file", fail)
+    done = run("list", "planar3r")
+    assert done.stderr == said
+    assert done.exit_code == 2 if said else done.exception is error
 
 
 AT_IMPORT = """
@@ -236,23 +220,49 @@ def unwritable(path: str | Path, write: Callable[..., object] = check_writable) 
     return str(raised.value)
 
 
-def test_links_that_lead_nowhere(tmp_path):
+def test_what_is_written_over_stays_what_it_was(tmp_path):
+    real, link, fresh = (tmp_path / f"{name}.txt" for name in ("real", "link", "fresh"))
+    real.write_text("old")
+    real.chmod(0o640)
+    link.symlink_to(real)
+    (tmp_path / "new").symlink_to("fresh.txt")
+    write_text(link, "new")
+    write_text(check_writable(tmp_path / "new"), "x")  # the file it stands for is made
+    assert link.is_symlink()
+    assert (tmp_path / "new").is_symlink()
+    assert (real.read_text(), fresh.read_text()) == ("new", "x")
+    mask = os.umask(0)
+    os.umask(mask)
+    modes = [stat.S_IMODE(path.stat().st_mode) for path in (real, fresh)]
+    assert modes == [0o640, 0o666 & ~mask]
+    write_text(os.devnull, "x")
+    assert not Path(os.devnull).is_file()
+
+
+def test_places_that_cannot_be_written(tmp_path, capsys):
     (tmp_path / "loop").symlink_to("loop")
     (tmp_path / "far").symlink_to("no/where")
-    (tmp_path / "new").symlink_to("target")
-    for write in (check_writable, lambda path: write_text(path, "x")):
-        assert "leads to itself" in unwritable(tmp_path / "loop", write)
+    for place, said in (
+        (tmp_path / "loop", "leads to itself"),
+        (tmp_path / "far", "no such folder"),
+        (tmp_path / "no" / "x.json", "cannot write"),
+        (tmp_path, "cannot write"),
+        ("", "it is a folder"),
+        ("a\0b", "null character"),
+        ("\ud800.html", "half a character"),
+        (tmp_path / "a\nb" / "c.txt", r"a\nb"),
+        ("x" * 10**6, "cannot write"),
+    ):
+        message = unwritable(place)
+        assert said in message
+        assert len(message) < 300
+    assert "leads to itself" in unwritable(tmp_path / "loop", lambda path: write_text(path, "x"))
     assert (tmp_path / "loop").is_symlink()
-    assert "no such folder" in unwritable(tmp_path / "far")
-    write_text(check_writable(tmp_path / "new"), "x")  # the file it stands for is made
-    assert (tmp_path / "new").is_symlink()
-    assert (tmp_path / "target").read_text() == "x"
-
-
-def test_names_that_cannot_be_printed(tmp_path, capsys):
-    assert "half a character" in unwritable("\ud800.html")
-    assert len(unwritable("x" * 10**6)) < 300
-    assert r"a\nb" in unwritable(tmp_path / "a\nb" / "c.txt")
+    source = tmp_path / "in.yaml"
+    source.write_text("x")
+    assert "it is the input" in unwritable(
+        source, lambda path: check_writable(path, inputs=(path,))
+    )
     say(f"wrote {tmp_path}/a\nb")
     assert capsys.readouterr().err.count("\n") == 1
     message = str(PinsingError("no \ud800\x1b[2J\nhere" + "x" * 10**6))
@@ -262,14 +272,12 @@ def test_names_that_cannot_be_printed(tmp_path, capsys):
 
 
 def test_a_map_into_what_is_no_folder(tmp_path):
-    arm = pinsing.load("planar3r", task="position")
+    def drawn(out: str | Path) -> object:
+        return pinsing.sampling.sigma_map(pinsing.load("planar3r"), count=8, out=out)
+
     (tmp_path / "link").symlink_to("no")
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "file").write_text("")
-
-    def drawn(out: str | Path) -> object:
-        return pinsing.sampling.sigma_map(arm, count=8, out=out)
-
     for name, why in (("link", "not there"), ("pipe", "pipe"), ("file", "it is a file")):
         assert why in unwritable(tmp_path / name, drawn)
     for bad in ("\ud800", "x" * 10**6, "a/" * 10**5):
@@ -329,12 +337,18 @@ def test_a_long_step_is_said_once_and_a_short_one_never(capsys: pytest.CaptureFi
     assert capsys.readouterr() == ("", "pinsing: long \u2026\n")
 
 
-def test_on_a_terminal_the_line_counts_and_goes(capsys, monkeypatch):
+def test_on_a_terminal_the_line_counts_and_goes_also_after_an_error(capsys, monkeypatch):
     monkeypatch.setattr(output, "is_terminal", lambda stream: True)
-    with waiting(after=0.05) as at:
-        for k in range(26):
-            at("long", f"{k} boxes")
-            time.sleep(0.05)
+
+    def interrupted():
+        with waiting(after=0.05) as at:
+            for k in range(26):
+                at("long", f"{k} boxes")
+                time.sleep(0.05)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
     told = capsys.readouterr().err
     assert "pinsing: long \u2026 0 s" in told
     assert "pinsing: long \u2026 1 s 2" in told
@@ -342,48 +356,29 @@ def test_on_a_terminal_the_line_counts_and_goes(capsys, monkeypatch):
     assert "\n" not in told
 
 
-def test_an_error_takes_the_line_away(capsys, monkeypatch):
-    monkeypatch.setattr(output, "is_terminal", lambda stream: True)
-
-    def interrupted():
-        with waiting(after=0.05) as at:
-            at("long")
-            time.sleep(0.4)
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        interrupted()
-    assert capsys.readouterr().err.endswith("\r\x1b[K")
-
-
-def refused(*words: str) -> str:
+def refused(*words: object) -> str:
     """Run what must be refused; return the one line."""
     done = run(*words)
-    assert done.exit_code == 2, done.output
-    assert done.stdout == ""
-    assert "Traceback" not in done.stderr
-    (error,) = [line for line in done.stderr.splitlines() if "error: " in line]
+    assert (done.exit_code, done.stdout) == (2, ""), done.output
+    (error,) = errors(done)
     assert error.startswith("pinsing: error: ")
     return error
 
 
-NAMES = ["at", "list --info", "analyze --sweep", "analyze", "families"]
-
-
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name", ["at --q 0,0,0", "list --info", "analyze --sweep", "analyze", "families"]
+)
 def test_output_is_checked_before_the_robot_is_read(tmp_path, monkeypatch, name):
     never = Mock(side_effect=AssertionError("the robot was read"))
     monkeypatch.setattr(importlib.import_module("pinsing.robot.load"), "load", never)
-    q = ["--q", "0,0,0"] if name == "at" else []
     for end in ("json", "npz") if "sweep" in name else ("json",):
         bad = tmp_path / "none" / f"x.{end}"
-        assert "cannot write" in refused(*name.split(), "planar3r", *q, "-o", str(bad))
+        assert "cannot write" in refused(*name.split(), "-o", bad, "planar3r")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_the_robot_itself_is_not_replaced(tmp_path):
     path = tmp_path / "robot.json"
     path.write_text(robot())
-    before = path.read_text()
-    assert "robot itself" in refused("at", str(path), "--q", "0,0", "-o", str(path))
-    assert path.read_text() == before
+    assert "robot itself" in refused("at", path, "--q", "0,0", "-o", path)
+    assert path.read_text() == robot()
