@@ -1,10 +1,12 @@
 """Results that show themselves: one line as repr, HTML and LaTeX in notebooks."""
 
 import html
+import re
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 from tiers import sampled
 from urdf_texts import LIMIT, named
@@ -179,43 +181,42 @@ def shown(page: Any, key: str) -> str:
     return str(page.locator(f"#{key}").inner_text())
 
 
-def luminance(color: str) -> float:
-    """Relative luminance of ``rgb(r, g, b)``, WCAG 2."""
-    inside = color.partition("(")[2].rstrip(")")
-    parts = [float(x) / 255 for x in inside.split(",")[:3]]
-    linear = [x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4 for x in parts]
-    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-
-
 def contrast(one: str, other: str) -> float:
-    low, high = sorted((luminance(one), luminance(other)))
-    return (high + 0.05) / (low + 0.05)
+    """Of colours ``rgb(r, g, b)``, WCAG 2."""
+    parts = np.array([re.findall(r"[\d.]+", color)[:3] for color in (one, other)], float) / 255
+    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    low, high = sorted(linear @ [0.2126, 0.7152, 0.0722])
+    return float((high + 0.05) / (low + 0.05))
 
 
 BOXES = """key => [...document.getElementById(key).querySelectorAll('math')].map(m => {
     const box = m.getBoundingClientRect();
-    return {native: m instanceof MathMLElement, width: box.width, height: box.height,
-            right: box.right, text: m.textContent};
+    return m instanceof MathMLElement && box.width > 4 && box.height > 6 && box.right < 920;
 })"""
+"""Of each equation, whether it is drawn, and no wider than the page."""
 LOWER = """key => [...document.getElementById(key).querySelectorAll('msub')].map(m => {
     const [base, index] = [...m.children].map(c => c.getBoundingClientRect());
-    return {below: index.bottom - base.bottom, after: index.left - base.left,
-            smaller: index.height / base.height};
+    return index.bottom > base.bottom && index.left > base.left && index.height <= base.height;
 })"""
+VERDICTS = """() => [...document.querySelectorAll('strong')].map(e => {
+    const s = getComputedStyle(e);
+    return [e.textContent, s.backgroundColor, s.color];
+})"""
+INKS = """selector => [...document.querySelectorAll(selector)].map(
+    e => [e.textContent, getComputedStyle(e).color])"""
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("theme", PAGES)
-def test_equations_are_typeset_without_a_script(page, tmp_path, outputs, theme):
+def test_equations_are_typeset_without_a_script_and_verdicts_can_be_read(
+    page, tmp_path, outputs, theme
+):
     page.goto(notebook(tmp_path, outputs, theme))
     for key, result in outputs.items():
-        boxes = page.evaluate(BOXES, key)
-        assert boxes, key
-        assert all(b["native"] and b["width"] > 4 and b["height"] > 6 for b in boxes), key
-        assert all(b["right"] < 920 for b in boxes), key  # none is wider than the page
-        scripts = page.evaluate(LOWER, key)
-        assert scripts
-        assert all(s["below"] > 0 and s["after"] > 0 and s["smaller"] <= 1 for s in scripts), key
+        for look in (BOXES, LOWER):
+            fits = page.evaluate(look, key)
+            assert fits, key
+            assert all(fits), key
         said = shown(page, key)
         assert not {*"$\\{"} & {*said}
         wide = page.evaluate("key => document.getElementById(key).scrollWidth", key)
@@ -224,43 +225,23 @@ def test_equations_are_typeset_without_a_script(page, tmp_path, outputs, theme):
             assert family.reason in said
     # Every coefficient of the equation is on the page, with its sign.
     whole = page.evaluate("() => document.getElementById('family-ur5').textContent")
-    for number in ("0.425", "+ 0.39225", "− 0.09465"):
-        assert number in whole
-    assert "shoulder_lift_joint" in whole
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("theme", PAGES)
-def test_verdicts_are_coloured_and_can_be_read(page, tmp_path, outputs, theme):
-    page.goto(notebook(tmp_path, outputs, theme))
+    for words in ("0.425", "+ 0.39225", "− 0.09465", "shoulder_lift_joint"):
+        assert words in whole
     colors = {}
-    for key in outputs:
-        for words, ground, ink in page.evaluate(
-            """key => [...document.getElementById(key).querySelectorAll('strong')].map(e => {
-                const s = getComputedStyle(e);
-                return [e.textContent, s.backgroundColor, s.color];
-            })""",
-            key,
-        ):
-            if ground != "rgba(0, 0, 0, 0)":
-                assert contrast(ground, ink) >= 4.5, words
-                colors[words] = ground
+    for words, ground, ink in page.evaluate(VERDICTS):
+        if ground != "rgba(0, 0, 0, 0)":
+            assert contrast(ground, ink) >= 4.5, words
+            colors[words] = ground
     assert {"SINGULAR", "regular", "proven", "sweep and random search agree"} <= set(colors)
     assert colors["SINGULAR"] != colors["regular"] == colors["proven"]
     # The rest takes the colour of the page, equations too.
     ground = page.evaluate("() => getComputedStyle(document.body).backgroundColor")
-    inks = page.evaluate(
-        """() => [...document.querySelectorAll('math, td > span, code')].map(
-            e => getComputedStyle(e).color)"""
-    )
+    inks = page.evaluate(INKS, "math, td > span, code")
+    dots = [ink for ink in page.evaluate(INKS, "td span") if ink[0] == "●"]
     assert inks
-    assert all(contrast(ground, ink) >= 4.5 for ink in inks)
-    dots = page.evaluate(
-        """() => [...document.querySelectorAll('td span')].filter(
-            e => e.textContent === '●').map(e => getComputedStyle(e).color)"""
-    )
     assert dots
-    assert all(contrast(ground, dot) >= 3 for dot in dots)
+    assert all(contrast(ground, ink) >= 4.5 for _, ink in inks)
+    assert all(contrast(ground, dot) >= 3 for _, dot in dots)
 
 
 @pytest.mark.slow
