@@ -18,6 +18,7 @@ _VARIES = (
     (r"\((avx512|avx2|baseline)\)|engine \w+$", "(engine)"),
     (r"(already: )/.*/|(?<=Error: )/.*/", r"\1.../"),
     (r"sha256:\w+|(?<=pinsing )\d+\.\d+\.\d+", "#"),
+    (r"(?<=not JSON: maximum).*|(?<=setting an array element).*", " ..."),
     (r"^pinsing: .*\u2026\n?", ""),  # a line of progress, on a slow machine
 )
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin  # noqa: F401  (the calls use it)
 import pytest
+import test_result
 from command_line import python, settled
 from public import documented
 from tiers import tiered
@@ -77,7 +78,7 @@ def names():
     q = np.array([0.1, -1, 1, 0.2, 1, 0])
     form = pinsing.closed_form(arm, prove=False)
     return {
-        **globals(), "arm": arm, "form": form, "q": q, "pose": np.eye(4),
+        **vars(test_result), **globals(), "arm": arm, "form": form, "q": q, "pose": np.eye(4),
         "wrapper": SimpleNamespace(model=arm.model), "state": pinsing.at(arm, q),
         "read": pinsing.ClosedForm.from_json(form.to_json()),
         "planar": (planar := pinsing.load("planar3r")), "other": pinsing.closed_form(planar),
