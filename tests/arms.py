@@ -103,3 +103,14 @@ def coupled(arm: Arm, matrix: np.ndarray, offset: np.ndarray) -> Arm:
     cut = ("joints", "prismatic", "lower", "upper")
     first = {name: getattr(arm, name)[: matrix.shape[1]] for name in cut}
     return replace(arm, **first, coupling=Coupling(matrix, offset))
+
+
+def told(arm: Arm) -> list[str]:
+    """An arm in words: its ends, its joints with their limits, and what is noted of it."""
+    rows = zip(arm.joints, arm.lower, arm.upper, arm.prismatic, strict=True)
+    joints = [
+        f"{name} {low:.4g} to {high:.4g}{' m' if slides else ''}"
+        for name, low, high, slides in rows
+    ]
+    notes = [f"note: {note}" for note in arm.notes]
+    return [f"{arm.name}, from {arm.base} to {arm.tip}", ", ".join(joints), *notes]

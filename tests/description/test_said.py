@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from arms import told
 from golden import Golden
 from urdf_texts import XACRO, joint, robot
 
@@ -34,11 +35,8 @@ def said(file: Path, given: str | bytes) -> str:
             place = [error.path or "URDF text", *[error.line] * (error.line is not None)]
             assert line.startswith(":".join(map(str, place)))
         return line.replace(f"{file.parent}/", "").replace(str(file.parent), "FOLDER")
-    ends = zip(arm.joints, arm.lower, arm.upper, strict=True)
-    joints = ", ".join(f"{name} from {low:g} to {high:g}" for name, low, high in ends)
     shapes = len(read_links(arm).geometry.geometryObjects)
-    notes = [f"note: {note}" for note in arm.notes]
-    return "\n".join([f"{joints}; shapes: {shapes}", *notes])
+    return "\n".join([*told(arm), f"shapes: {shapes}"])
 
 
 @pytest.mark.parametrize(

@@ -2,15 +2,17 @@
 
 import pickle
 import re
+import shlex
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from arms import draw, place, serial
+from arms import draw, place, serial, told
+from golden import Golden
 from pinocchio.robot_wrapper import RobotWrapper
-from tiers import sampled
+from test_chains import TOWARDS
 from urdf_texts import LIMIT, chain_text, robot
 
 import pinsing
@@ -25,7 +27,6 @@ from pinsing.errors import (
     UnknownNameError,
 )
 from pinsing.kinematics.jacobian import frame_jacobian, tip_placement
-from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 
 STEP = place((0.3, 0, 0))
@@ -35,62 +36,7 @@ def turning(axis: str = "0 0 1", limit: str = LIMIT, more: str = "", xyz: str = 
     return f'<origin xyz="{xyz}"/><axis xyz="{axis}"/>{limit}{more}'
 
 
-def noted(arm: Arm, *words: str) -> bool:
-    return any(all(word in note for word in words) for note in arm.notes)
-
-
-@pytest.mark.parametrize(
-    ("name", "n", "tip"),
-    sampled([
-        ("panda", 7, "panda_hand_tcp"), ("ur3", 6, "tool0"), ("ur5", 6, "tool0"),
-        ("ur10", 6, "tool0"), ("kinova", 6, "j2s6s200_end_effector"), ("xarm7", 7, "link_eef"),
-        ("z1", 6, "gripperStator"), ("b1_z1", 6, "gripperStator"),
-        ("talos_arm", 6, "wrist_left_ft_tool_link"), ("tiago", 8, "wrist_ft_tool_link"),
-        ("tiago_no_hand", 8, "wrist_ft_tool_link"), ("so100", 5, "gripper"),
-        ("so101", 5, "gripper_frame_link"), ("stanford", 6, "tool0"), ("surgical7", 7, "tool0"),
-        ("puma560", 6, "tool0"), ("irb1400", 6, "tool0"), ("iiwa14", 7, "tool0"),
-        ("scara", 4, "tool0"), ("planar3r", 3, "tool0"),
-    ]),
-)  # fmt: skip
-def test_the_arm_and_its_tip(name, n, tip):
-    arm = load(name)
-    assert (arm.n, arm.tip, arm.model.nv) == (n, tip, n)
-    assert len(arm.lower) == len(arm.upper) == len(arm.prismatic) == n
-    assert tuple(arm.model.names)[1:] == arm.joints  # base to tip
-    assert (arm.lower < arm.upper).all()
-    whole = arm.source.full_model
-    last = whole.getJointId(arm.joints[-1])
-    same_link = [f for f in whole.frames if f.parentJoint == last]
-    bodies = {f.name for f in same_link if f.type == pin.FrameType.BODY}
-    if len(bodies) > 1:
-        assert noted(arm, arm.tip, "on the same link")
-
-
-@pytest.mark.parametrize("name", ["panda", "z1", "so101", "tiago", "talos_arm"])
-def test_fingers_are_locked_and_told(name):
-    arm = load(name)
-    assert noted(arm, "locked beyond the tip")
-    assert arm.source.locked
-    assert not any(re.search("finger|gripper|hand", name.lower()) for name in arm.joints)
-
-
-def test_a_given_tip():
-    arm = load("panda", tip="panda_link5")
-    assert (arm.n, arm.joints[-1]) == (5, "panda_joint5")
-    finger = load("panda", tip="panda_leftfinger")
-    assert finger.joints[-1] == "panda_finger_joint1"
-    assert finger.prismatic.tolist() == [False] * 7 + [True]
-    arm = load("tiago")
-    assert "torso_lift_joint" in arm.joints
-    assert arm.prismatic[arm.joints.index("torso_lift_joint")]
-    assert arm.prismatic.sum() == 1
-    assert noted(arm, "passed over", "wheel_left_link")
-
-
 def test_nothing_to_analyse():
-    for name in ("hector", "ur_ur3"):
-        with pytest.raises(RobotFileError, match="nothing to analyse"):
-            load(name)
     with pytest.raises(ChainError, match="no movable joint"):
         load(pin.Model())
     urdf = load("a1", tip="FL_foot").source.path
@@ -99,32 +45,7 @@ def test_nothing_to_analyse():
         load(model)
 
 
-def test_a_robot_that_nobody_knows():
-    with pytest.raises(UnknownNameError, match=r"such as ur5, panda.*pinsing list") as caught:
-        load("nope")
-    assert len(str(caught.value)) < 300
-    assert (caught.value.name, "ur5" in caught.value.known) == ("nope", True)
-    for asked, meant in [
-        ("kuka", "iiwa14"), ("ur5x", "ur5"), ("Franka Emika", "panda"), ("pandda", "panda"),
-        ("universal robots", "ur10"),
-    ]:  # fmt: skip
-        with pytest.raises(UnknownNameError, match="did you mean") as caught:
-            load(asked)
-        assert meant in caught.value.close
-
-
-def test_chosen_joints():
-    arm = load("baxter", joints=["left_s0", "left_e1"])
-    assert arm.joints == ("left_s0", "left_e1")
-    assert arm.model.frames[arm.tip_id].parentJoint == arm.model.getJointId("left_e1")
-    assert noted(arm, arm.tip, "link of the last joint")
-    assert load("ur5", joints="elbow_joint").joints == ("elbow_joint",)
-    with pytest.raises(ChainError, match="'right_s0' is not between the base and the tip"):
-        load("baxter", tip="left_gripper_base_link", joints=["left_s0", "right_s0"])
-    with pytest.raises(ChainError, match="named twice"):
-        load("ur5", joints=["elbow_joint", "elbow_joint"])
-    with pytest.raises(ChainError, match="no joint"):
-        load("ur5", joints=[])
+def test_locked_joints_stay_within_their_limits():
     arm = load("panda", joints=["panda_joint1", "panda_joint7"])
     joint = arm.source.full_model.joints[arm.source.full_model.getJointId("panda_joint4")]
     assert arm.source.reference[joint.idx_q] < -0.06
@@ -173,9 +94,11 @@ def test_no_limits_and_no_width():
     model.lowerPositionLimit[0], model.upperPositionLimit[0] = -np.inf, np.inf
     model.lowerPositionLimit[1] = model.upperPositionLimit[1] = 0.5
     arm = load(model, tip="tip")
-    assert noted(arm, "j1", "no limits")
-    assert noted(arm, "WARNING", "j2", "cannot move")
-    assert arm.lower.tolist() == [-np.inf, 0.5]
+    assert told(arm)[1:] == [
+        "j1 -inf to inf, j2 0.5 to 0.5",
+        "note: joint j1 has no limits",
+        "note: WARNING: joint j2 cannot move: both its limits are 0.5",
+    ]
     assert arm.span[0].tolist() == pytest.approx([-np.pi, 0.5])
     model = serial([(pin.JointModelRZ(), STEP), (pin.JointModelRX(), STEP)], STEP)
     model.addFrame(pin.Frame("j1", 2, 0, STEP, pin.FrameType.OP_FRAME))  # j1 is a joint's as well
@@ -242,10 +165,38 @@ PALLETIZER = chain_text([
 ])  # fmt: skip
 
 
+def led(lower: float, upper: float, multiplier: float) -> str:
+    """A leader and a follower, whose limits count."""
+    limit = f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/>'
+    mimic = f'<mimic joint="j1" multiplier="{multiplier}"/>'
+    return chain_text([("revolute", turning()), ("revolute", turning(limit=limit, more=mimic))])
+
+
+MADE = {
+    "PALLETIZER": PALLETIZER, "NARROW": led(-0.3, 0.4, -0.5), "APART": led(1.5, 1.9, 0.1), **TOWARDS
+}  # fmt: skip
+LOADED = Golden(Path(__file__).with_name("loaded.txt"))
+
+
+@pytest.mark.parametrize("head", LOADED.heads())
+def test_what_is_loaded(head):
+    """A robot and options, as of the command line."""
+    robot, *words = shlex.split(head.removesuffix(" (slow)"))
+    given = dict(zip([word[2:] for word in words[::2]], words[1::2], strict=True))
+    if "joints" in given:
+        given["joints"] = [name for name in given["joints"].split(",") if name]
+    try:
+        arm = load(MADE.get(robot, robot), **given)
+    except PinsingError as error:
+        LOADED.hold(head, re.sub(r"/\S*/", "", f"{type(error).__name__}: {error}"))
+    else:
+        LOADED.hold(head, "\n".join(told(arm)))
+        if arm.coupling is None:
+            assert tuple(arm.model.names)[1:] == arm.joints  # base to tip
+
+
 def test_mimic_joints_of_the_chain_follow(rng):
     arm = load(PALLETIZER)
-    assert (arm.joints, arm.prismatic.tolist()) == (("j1", "j2", "j3", "j5", "j7"), [False] * 5)
-    assert noted(arm, "mimic", "j4 = -0.5 * j3 + 0.2", "j6 = -0.05 * j3 + 0.07")
     model = pin.buildModelFromXML(PALLETIZER)
     data = model.createData()
     tip = model.getFrameId("l7")
@@ -262,28 +213,6 @@ def test_mimic_joints_of_the_chain_follow(rng):
         np.testing.assert_allclose(frame_jacobian(arm, q), J, atol=1e-12)
 
 
-def test_limits_of_a_leader_keep_its_followers_inside():
-    narrow = '<limit lower="-0.3" upper="0.4" effort="1" velocity="1"/>'
-    joints = [
-        ("revolute", turning()),
-        ("revolute", turning(limit=narrow, more='<mimic joint="j1" multiplier="-0.5"/>')),
-    ]
-    arm = load(chain_text(joints))
-    assert (arm.lower[0], arm.upper[0]) == pytest.approx((-0.8, 0.6))
-    apart = '<limit lower="1.5" upper="1.9" effort="1" velocity="1"/>'
-    joints[1] = ("revolute", turning(limit=apart, more='<mimic joint="j1" multiplier="0.1"/>'))
-    with pytest.raises(JointError, match="'j2': cannot follow 'j1'"):
-        load(chain_text(joints))
-
-
-def test_a_follower_comes_along_with_its_chosen_leader():
-    arm = load(PALLETIZER, tip="l7", joints=["j3"])
-    assert (arm.joints, arm.model.nv) == (("j3",), 3)
-    assert frame_jacobian(arm, [0.2]).shape == (6, 1)
-    with pytest.raises(JointError, match="'j4': follows another joint"):
-        load(PALLETIZER, tip="l7", joints=["j3", "j4"])
-
-
 def test_a_leader_outside_the_chain():
     side = (
         f'<link name="s"/><joint name="side" type="revolute"><parent link="l0"/><child link="s"/>'
@@ -293,7 +222,7 @@ def test_a_leader_outside_the_chain():
     joints.insert(1, ("revolute", turning("1 0 0", more='<mimic joint="side" offset="0.7"/>')))
     arm = load(chain_text(joints, more=side), tip="l4")
     assert arm.joints == ("j1", "j3", "j4")
-    assert noted(arm, "j2", "locked", "outside the chain")
+    assert any("j2" in note and "outside the chain" in note for note in arm.notes)
     axis = frame_jacobian(arm, np.zeros(3))[3:, 2]
     np.testing.assert_allclose(axis, [0, -np.sin(0.7), np.cos(0.7)], atol=1e-12)
 
@@ -612,8 +541,9 @@ def test_errors_carry_data(tmp_path):
     assert np.isnan(caught.value.value)
     with pytest.raises(UnknownNameError) as frame:
         load("ur5", tip="tool1")
-    assert frame.value.kind == "frame"
+    assert (frame.value.kind, frame.value.name) == ("frame", "tool1")
     assert "tool0" in frame.value.close
+    assert "tool0" in frame.value.known
     model = model_of("ur5")
     model.lowerPositionLimit[1], model.upperPositionLimit[1] = 1.0, -1.0
     with pytest.raises(JointError) as limits:
@@ -651,15 +581,11 @@ def test_an_error_about_chains_carries_what_could_be_asked_for():
     assert len(error.tips) == len(error.lengths) >= 2
     for tip, n in zip(error.tips, error.lengths, strict=True):
         assert load("pr2", tip=tip).n == n
-    for given, fault in (
-        ({"joints": ["panda_finger_joint1"], "tip": "panda_hand"}, "panda_finger_joint1"),
-        ({"joints": ["panda_joint1", "panda_joint1"]}, "panda_joint1"),
-    ):
-        with pytest.raises(ChainError, match=fault) as other:
-            load("panda", **given)
-        assert other.value.joint == fault
-        assert (other.value.tips, other.value.lengths) == ((), ())
     assert pickle.loads(pickle.dumps(error)).tips == error.tips
+    with pytest.raises(ChainError) as other:
+        load("panda", tip="panda_hand", joints=["panda_finger_joint1"])
+    assert other.value.joint == "panda_finger_joint1"
+    assert (other.value.tips, other.value.lengths) == ((), ())
     with pytest.raises(ChainError) as apart:
         load("pr2", base="l_wrist_roll_link", tip="l_gripper_palm_link")
     assert (apart.value.base, apart.value.tip) == ("l_wrist_roll_link", "l_gripper_palm_link")
