@@ -245,7 +245,9 @@ def test_a_texture_is_an_image_from_beside_the_mesh(tmp_path: Path) -> None:
     names = ["real.png", "text.png", "../../secret.png", str(secret), "none.png"]
     images = "".join(f"<image><init_from>{name}</init_from></image>" for name in names)
     file = inside / "link.dae"
-    file.write_text(f"{HEAD}<library_images>{images}</library_images></COLLADA>")
+    file.write_text(
+        square("<library_eff", f"<library_images>{images}</library_images><library_eff")
+    )
     assert list(_textures(file)) == ["real.png"]
 
 
@@ -281,37 +283,17 @@ def test_a_capsule_of_negative_length_is_left_out() -> None:
 
 pytestmark = pytest.mark.filterwarnings("ignore:the matrix subclass")  # pycollada's
 
-HEAD = '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">'
-PAINT = """
-<library_effects><effect id="e"><profile_COMMON><technique sid="c"><phong>
-  <diffuse><color>1 0.5 0 1</color></diffuse>{more}
-</phong></technique></profile_COMMON></effect></library_effects>
-<library_materials><material id="m"><instance_effect url="#e"/></material></library_materials>
-"""
-SOURCE = """<source id="{name}"><float_array id="{name}a" count="{count}">{values}</float_array>
-<technique_common><accessor source="#{name}a" count="4" stride="3">
-<param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/>
-</accessor></technique_common></source>"""
-SQUARE = SOURCE.format(name="P", count=12, values="0 0 0 1 0 0 1 1 0 0 1 0") + SOURCE.format(
-    name="N", count=3, values="0 0 1"
-)
+SQUARE = (Path(__file__).parent / "square.dae").read_text(encoding="utf-8")
 INDEX = "0 0 1 0 2 0 3 0"
-POLYGON = f"""<polylist material="x" count="1"><input semantic="VERTEX" source="#V" offset="0"/>
-<input semantic="NORMAL" source="#N" offset="1"/><vcount>4</vcount>
-<p>{INDEX}</p></polylist>"""
 
 
-def square(shape: str = POLYGON, node: str = "", more: str = "") -> str:
-    """A painted square within one node."""
-    return (
-        f"{HEAD}{PAINT.format(more=more)}<library_geometries><geometry id='g'><mesh>{SQUARE}"
-        f"<vertices id='V'><input semantic='POSITION' source='#P'/></vertices>{shape}</mesh>"
-        f"</geometry></library_geometries><library_visual_scenes><visual_scene id='s'><node>{node}"
-        "<instance_geometry url='#g'><bind_material><technique_common>"
-        "<instance_material symbol='x' target='#m'/></technique_common></bind_material>"
-        "</instance_geometry></node></visual_scene></library_visual_scenes>"
-        "<scene><instance_visual_scene url='#s'/></scene></COLLADA>"
-    )
+def square(*changes: str) -> str:
+    """A painted square within one node; what stands there, and what shall, in turn."""
+    text = SQUARE
+    for old, new in zip(changes[::2], changes[1::2], strict=True):
+        assert old in text
+        text = text.replace(old, new)
+    return text
 
 
 def read(text: str) -> tuple[Painted, ...]:
@@ -329,7 +311,7 @@ def area(vertices: np.ndarray, faces: np.ndarray) -> float:
 
 def test_a_polygon_is_painted_and_placed_by_its_node() -> None:
     node = "<translate>0 0 5</translate><rotate>1 0 0 90</rotate><scale>2 2 2</scale>"
-    (part,) = read(square(node=node))
+    (part,) = read(square("<node>", f"<node>{node}"))
     assert (part.paint[0], len(part.faces)) == (0xFF8000, 2)
     # Scaled by two, turned about x (y becomes z), lifted by five.
     corners = {tuple(row) for row in np.round(corners_of(part), 3) + 0.0}
@@ -348,28 +330,22 @@ def test_a_polygon_is_painted_and_placed_by_its_node() -> None:
     ],
 )
 def test_opacity_is_that_of_the_specification(more: str, opacity: float) -> None:
-    (part,) = read(square(more=more))
+    (part,) = read(square("</diffuse>", f"</diffuse>{more}"))
     assert part.paint[4] == pytest.approx(opacity)
 
 
 @pytest.mark.parametrize(
-    "text",
+    "changes",
     [
-        "",
-        "<a/>",
-        square(more="<ambient><texture texture='t'/></ambient>"),
-        square(POLYGON.replace("<vcount>4", "<vcount>5")),
-        square(POLYGON.replace(INDEX, "0 0 1 0 2 0 9 0")),
-        square(POLYGON.replace(INDEX, "0 0 1 0 2 0 -1 0")),
-        square(POLYGON.replace("#N", "#nothing")),
-        square().replace("0 0 0 1 0 0", "0 0 nan 1 0 0"),
-        square().replace("#s", "#g"),
-        square(POLYGON.replace("</p>", " x</p>")),
+        (SQUARE, ""), (SQUARE, "<a/>"), ("<vcount>4", "<vcount>5"), (INDEX, "0 0 1 0 2 0 9 0"),
+        (INDEX, "0 0 1 0 2 0 -1 0"), ('"#N"', '"#nothing"'), ("0 0 0 1 0 0", "0 0 nan 1 0 0"),
+        ("#s", "#g"), ("</p>", " x</p>"),
+        ("</phong>", '<ambient><texture texture="t"/></ambient></phong>'),
     ],
-)
-def test_what_is_not_plain_is_refused(text: str) -> None:
+)  # fmt: skip
+def test_what_is_not_plain_is_refused(changes: tuple[str, str]) -> None:
     with pytest.raises(NotPlainError):
-        read(text)
+        read(square(*changes))
 
 
 @pytest.mark.slow
@@ -408,10 +384,11 @@ def test_a_cache_of_something_else_is_not_taken(tmp_path, monkeypatch):
 def test_polygons_of_all_sizes_take_time_by_their_corners() -> None:
     corners, triangles = 200_000, 200_000
     index = " ".join([INDEX] * (corners // 4) + ["0 0 1 0 2 0"] * triangles)
-    shape = POLYGON.replace("<vcount>4", f"<vcount>{corners}" + " 3" * triangles)
-    shape = shape.replace('count="1"', f'count="{triangles + 1}"')
+    sizes = f"<vcount>{corners}" + " 3" * triangles
+    count = f'count="{triangles + 1}"'
+    text = square("<vcount>4", sizes, 'count="1"', count, INDEX, index)
     begun = time.process_time()
-    (part,) = read(square(shape.replace(INDEX, index)))
+    (part,) = read(text)
     assert time.process_time() - begun < 10
     assert len(part.faces) == corners - 2 + triangles
     first = np.round(corners_of(part)[part.faces[:3]], 3).tolist()
@@ -421,10 +398,9 @@ def test_polygons_of_all_sizes_take_time_by_their_corners() -> None:
 
 @pytest.mark.slow
 def test_one_geometry_used_very_often_is_refused() -> None:
-    use = "<instance_geometry url='#g'/>"
-    shape = POLYGON.replace("<vcount>4", "<vcount>" + "4 " * 10_000)
-    shape = shape.replace(INDEX, f"{INDEX} " * 10_000)
-    text = square(shape).replace("</node>", use * 50_000 + "</node>")
+    uses = '<instance_geometry url="#g"/>' * 50_000 + "</node>"
+    sizes = "<vcount>" + "4 " * 10_000
+    text = square("<vcount>4", sizes, INDEX, f"{INDEX} " * 10_000, "</node>", uses)
     begun = time.process_time()
     with pytest.raises(NotPlainError, match="too large"):
         read(text)
@@ -441,7 +417,7 @@ def test_no_collada_file_is_parsed_in_this_process(tmp_path, monkeypatch):
     assert b"".join(recorder.parts()).count(b"MeshPhongMaterial") > 20
     monkeypatch.setattr(meshes, "SECONDS_EACH", 0.1)
     file = tmp_path / "slow.dae"
-    file.write_text(square(POLYGON.replace(INDEX, f"{INDEX} " * 1_000_000)))
+    file.write_text(square(INDEX, f"{INDEX} " * 1_000_000))
     assert "is not read within 0.1 s" in str(read_meshes([file])[file])
 
 

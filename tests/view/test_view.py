@@ -298,36 +298,6 @@ def test_ctrl_c_between_the_address_and_the_page(
     assert "warning: listening on 0.0.0.0" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("what", ["check", pytest.param("analysis", marks=pytest.mark.slow)])
-def test_every_page_says_how_complete_its_list_is(tmp_path: Path, what: str) -> None:
-    page, given = tmp_path / "page.html", tmp_path / "given"
-    if what == "check":
-        given.write_text("0,0.1,0.2\n0.1,0.3,0.9\n")
-        words = ["check", "planar3r", given]
-    else:
-        given.write_text(analyze(load("planar3r")).to_json())
-        words = ["view", "planar3r", "--analysis", given, "--skeleton"]
-    result = run(*words, "-o", page)
-    assert result.exit_code == 0, result.output
-    words = ("Proven", "Probable")[: 1 + (what != "analysis")]  # an analysis has a certificate
-    assert baked(page.read_text())["coverage"].startswith(words)
-
-
-def test_a_saved_analysis_is_shown(tmp_path: Path) -> None:
-    found = closed_form(load("scara"))
-    saved = tmp_path / "scara.json"
-    saved.write_text(found.to_json())
-    page = tmp_path / "page.html"
-    words = ("--analysis", saved, "-o", page, "--skeleton")
-    result = run("view", "scara", *words)
-    assert result.exit_code == 0, result.output
-    assert page.stat().st_size > 800_000
-    assert baked(page.read_text())["coverage"] == coverage_words(found)
-    assert "not of this arm" in run("view", "stanford", *words).stderr
-    saved.write_text("{")
-    assert "not JSON" in run("view", "scara", *words).stderr
-
-
 def test_a_picture_without_a_browser_says_what_is_missing(tmp_path, monkeypatch):
     junk, viewer = tmp_path / "junk", Viewer(textbook("scara"), skeleton=True)
     junk.write_bytes(b"\x7fELF")
@@ -408,16 +378,33 @@ def test_a_click_plays_the_way_to_a_posture(page: Any, cuspidal: Any) -> None:
             assert (last > 50) == (listed[k]["way"] is not None)
 
 
-def test_the_command_writes_a_page(cuspidal, tmp_path):
+PAGES = ["check", "form", "postures", "analysis"]
+
+
+@pytest.mark.parametrize("what", tiered(PAGES, PAGES[:3]))
+def test_every_page_says_how_complete_its_list_is(cuspidal: Any, tmp_path: Path, what: str) -> None:
     path, _, _, found = cuspidal
-    out = tmp_path / "a.html"
-    q = ",".join(map(repr, map(float, found.q)))
-    words = ["postures", path, "--task", "position", "--ignore-limits", f"--q={q}"]
-    done = run(*words, "-o", out)
-    assert done.exit_code == 0, done.output
-    assert out.stat().st_size > 100_000
-    shown = baked(out.read_text(encoding="utf-8"))
-    assert shown["coverage"].startswith(("Proven", "Probable", "NOT"))
+    page, given = tmp_path / "page.html", tmp_path / "given"
+    shown = "--analysis", given, "--skeleton", "-o", page
+    form = closed_form(load("scara"))
+    content, words, said = {
+        "check": ("0,0.1,0.2\n0.1,0.3,0.9\n", ["check", "planar3r", given, "-o", page], "Proven"),
+        "form": (form.to_json(), ["view", "scara", *shown], coverage_words(form)),
+        "postures": ("", ["postures", path, "--task", "position", "--ignore-limits", "-o", page,
+                          f"--q={','.join(map(str, found.q))}"], ("Proven", "Probable", "NOT")),
+        "analysis": ("", ["view", "planar3r", *shown], ("Proven", "Probable")),  # no certificate
+    }[what]  # fmt: skip
+    given.write_text(content or analyze(load("planar3r")).to_json())
+    result = run(*words)
+    assert result.exit_code == 0, result.output
+    assert page.stat().st_size > 100_000
+    coverage = baked(page.read_text(encoding="utf-8"))["coverage"]
+    assert coverage.startswith(said)
+    if what == "form":
+        assert coverage == said
+        assert "not of this arm" in run("view", "stanford", *shown).stderr
+        given.write_text("{")
+        assert "not JSON" in run("view", "scara", *shown).stderr
 
 
 @pytest.mark.slow
