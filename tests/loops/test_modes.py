@@ -176,32 +176,28 @@ def test_ranges_have_a_length_and_end_at_limits(platform):
         assert gaps[[0, -1]].max() > 0.019
 
 
+CRANK = replace(shipped("five_bar"), task=shipped("four_bar").task)
+OPEN = [0.0, 0.0, np.pi, 0.0]
+STEWART = shipped("gough_stewart")
+
+
 @pytest.mark.parametrize(
-    ("pose", "message"),
+    ("ask", "given", "error", "words"),
     [
-        ([1.0, 2.0], "a pose of platform_center has 6 numbers"),
-        (np.eye(3), "got an array"),
-        (np.zeros((4, 4)), "is not a rotation"),
-        ([0, 0, 1, 0, 0, 0, 0], "quaternion of the pose is zero"),
-        ([0, 0, np.nan, 0, 0, 0], "not finite"),
+        (working_modes, (STEWART, [1, 2]), ConfigurationError, "platform_center has 6 numbers"),
+        (working_modes, (STEWART, np.eye(3)), ConfigurationError, "got an array"),
+        (working_modes, (STEWART, np.zeros((4, 4))), ConfigurationError, "is not a rotation"),
+        (working_modes, (STEWART, [0, 0, 1, 0, 0, 0, 0]), ConfigurationError, "quaternion of the"),
+        (working_modes, (STEWART, [0, 0, np.nan, 0, 0, 0]), ConfigurationError, "not finite"),
+        (working_modes, (CRANK,), OptionError, "a pose leaves the others open"),
+        (assembly_modes, (STEWART, [9.0] * 6), ConfigurationError, "p1 = 9 is outside its"),
+        (assembly_modes, (STEWART, None, 0), OptionError, "starts must be 1 or more"),
+        (trace, (shipped("five_bar"), OPEN, 0), PinsingError, "do not close at the start"),
     ],
 )
-def test_wrong_poses_are_said(platform, pose, message):
-    with pytest.raises(ConfigurationError, match=message):
-        working_modes(platform, pose)
-
-
-def test_wrong_questions_are_said(platform):
-    crank = replace(shipped("five_bar"), task=shipped("four_bar").task)
-    open_ = np.array([0.0, 0.0, np.pi, 0.0])
-    for ask, error, words in (
-        (lambda: assembly_modes(platform, [9.0] * 6), ConfigurationError, "p1 = 9 is outside its"),
-        (lambda: assembly_modes(platform, starts=0), OptionError, "starts must be 1 or more"),
-        (lambda: working_modes(crank), OptionError, "a pose leaves the others open"),
-        (lambda: trace(shipped("five_bar"), open_, 0), PinsingError, "do not close at the start"),
-    ):
-        with pytest.raises(error, match=words):
-            ask()
+def test_wrong_questions_are_said(ask, given, error, words):
+    with pytest.raises(error, match=words):
+        ask(*given)
 
 
 @pytest.mark.slow
