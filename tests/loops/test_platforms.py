@@ -20,15 +20,17 @@ from platforms import (
     rps,
     six,
     three,
+    turned_in_plane,
     unit,
     ups,
 )
 from tiers import tiered
-from urdf_text import J, frame
+from urdf_text import J, X, Y, frame
 
 import pinsing
 from pinsing.loops import PoseForms, joint_forms, mechanism_at, pose_forms, ranks, refine
 from pinsing.loops.closure import random_closed, residual, without_length
+from pinsing.loops.legs import rods
 from pinsing.loops.pose_loci import locus_distance
 
 FEET = np.array([(-0.5, -0.31, 0), (0.62, -0.2, 0), (0.07, 0.55, 0)])
@@ -121,6 +123,25 @@ def driven_elbows(folder, driven):
     return on_legs(folder, legs, ENDS, inputs, "vx, vy, wz")
 
 
+def irregular_delta(folder, off=0.0):
+    """A Delta with legs at odd angles and of unequal sizes; one foot is off by some metres."""
+    legs, ends = [], []
+    for k, (angle, base, top) in enumerate([(0, 0.3, 0.14), (100, 0.25, 0.1), (215, 0.28, 0.12)]):
+        out, across = turned_in_plane(np.radians(angle)).T @ np.eye(2, 3)
+        crank = [J(f"a{k}", "base", f"crank{k}", base * out, -across)]
+        for side, name in ((0.06, f"{k}l"), (-0.06, f"{k}r")):
+            up = np.array([0, 0, off if name == "2r" else 0])
+            legs.append([
+                *crank,
+                J(f"u{name}x", f"crank{k}", f"cross{name}", 0.2 * out + side * across, X),
+                J(f"u{name}y", f"cross{name}", f"rod{name}", axis=Y),
+                frame(f"e{name}", f"rod{name}", (0, 0, 0.5)),
+            ])  # fmt: skip
+            ends.append(top * out + side * across + up)
+            crank = []
+    return on_legs(folder, legs, np.array(ends), ["a0", "a1", "a2"], "vx, vy, vz", "w")
+
+
 def from_the_shelf(_, name):
     return shipped(name)
 
@@ -138,6 +159,7 @@ LOCI = {
     **{name: (from_the_shelf, name, TWO) for name in ("planar_3rpr", "gough_stewart", "rps3")},
     **{name: (from_the_shelf, name, BOTH) for name in ("planar_3rrr", "hexaglide", "rus6")},
     "delta": (from_the_shelf, "delta", (*BOTH, "constraint")),
+    "delta, irregular": (irregular_delta, (*BOTH, "constraint")),
     "delta, output turned": (turned_delta, BOTH),
     "one elbow": (driven_elbows, (1, 2, 1), BOTH), "elbows": (driven_elbows, (2, 2, 2), BOTH),
     "feet, one each": (driven_feet, UPS, TWO),
@@ -151,6 +173,22 @@ QUICK = ("planar, output turned", "3-RRR 0", "6-UPS 6", "rrs 0", "rps3", "delta"
 def test_loci_are_where_the_velocity_of_the_output_is_zero_or_ends(case, tmp_path, rng):
     build, *given, kinds = LOCI[case]
     check_loci(build(tmp_path, *given), rng, *kinds)
+
+
+@pytest.mark.slow
+def test_a_delta_has_loci_of_a_level_output_where_rods_of_a_crank_are_parallel(tmp_path):
+    irregular = irregular_delta(tmp_path)
+    along = np.array([rod.outer - rod.inner for rod in rods(irregular).rods])
+    assert 0 < np.abs(along[::2] - along[1::2]).max() < 1e-11  # rounding tells them apart
+    for mechanism in (shipped("delta"), irregular):
+        *level, both, one = pose_forms(mechanism).loci
+        kinds = sorted(x.kind for x in level)
+        assert kinds == ["constraint", "type 1", "type 1", "type 1", "type 2"]
+        assert (both.kind, one.kind) == ("type 2 or constraint", "type 1")
+        assert all("e0" in x.equation.names for x in (both, one))
+        assert not any("e0" in x.equation.names for x in level)
+    both, one = pose_forms(irregular_delta(tmp_path, 1e-6)).loci
+    assert (both.kind, one.kind) == ("type 2 or constraint", "type 1")
 
 
 def test_similar_hexagons_are_singular_everywhere_on_a_conic_only(tmp_path):

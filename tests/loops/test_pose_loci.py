@@ -1,32 +1,28 @@
 """Singular loci over the pose in closed form, against geometry written here without pinsing."""
 
 import re
-from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from command_line import run
-from mechanisms import URDF, shipped, value
+from mechanisms import URDF, shipped
 from platforms import (
     BASE,
     PLATFORM,
     equation_values,
     named,
     on_legs,
-    pluecker,
     rps,
     turned,
-    turned_in_plane,
 )
 from tiers import tiered_rows
 from urdf_text import J, X, frame, row
 
 import pinsing
 from pinsing.loops import PoseForms, pose_forms
-from pinsing.loops.legs import most_assemblies, rods, why_no_rods
-from pinsing.loops.pose_loci import PoseRing, _loci, _split, _type1
+from pinsing.loops.legs import most_assemblies, why_no_rods
 
 
 @pytest.mark.slow
@@ -67,68 +63,6 @@ def test_hunts_pose_of_the_6_3():
         on, off = np.abs(equation_values(forms, [named(at + d * turn[:, 2], e) for d in (0, 0.05)]))
         assert on < 1e-12
         assert off > 1e-5
-
-
-def irregular_delta(off):
-    """Rods of a Delta with legs at odd angles and unequal sizes; one foot off by ``off`` metres."""
-    found = rods(shipped("delta"))
-    out = []
-    sizes = zip((0.0, 100.0, 215.0), (0.3, 0.25, 0.28), (0.14, 0.1, 0.12), strict=True)
-    joints = dict.fromkeys(r.joint for r in found.rods)
-    for joint, (angle, base, top) in zip(joints, sizes, strict=True):
-        out_, across = turned_in_plane(np.radians(angle)).T @ np.eye(2, 3)
-        for side in (0.06, -0.06):
-            mine = next(r for r in found.rods if r.joint == joint)
-            inner = base * out_ + side * across
-            moved = {"first": 0.2 * out_, "second": np.array([0, 0, -0.2])}
-            out.append(replace(mine, outer=top * out_ + side * across, inner=inner, **moved))
-    out[-1] = replace(out[-1], outer=out[-1].outer + np.array([0, 0, off]))
-    return PoseRing(replace(found, rods=tuple(out)), True)
-
-
-def type2(ring):
-    together = ring.multiplied_out(ring.lines())
-    return _loci(ring, _split(ring, ring.without_norm(together)))
-
-
-def test_rods_of_a_crank_that_rounding_tells_apart_are_parallel(rng):
-    ring = irregular_delta(0.0)
-    along = np.array([rod.outer - rod.inner for rod in ring.rods.rods])
-    assert 0 < np.abs(along[::2] - along[1::2]).max() < 1e-11
-    loci = [*type2(ring), *_type1(ring)]
-    assert [x.kind for x in loci].count("type 1") == 3
-    assert sorted(x.kind for x in loci if x.kind != "type 1") == ["constraint", "type 2"]
-    # By Plücker lines computed here: the two factors together are their determinant.
-    ratio = []
-    for _ in range(8):
-        at, angles = rng.uniform(-0.5, 0.5, 3), rng.uniform(-2, 2, 3)
-        row, lines = named(at, (1, 0, 0, 0)), []
-        for k, rod in enumerate(ring.rods.rods):
-            a = angles[k // 2]
-            name = ring.rods.mechanism.joints[rod.joint]
-            row |= {f"cos {name}": np.cos(a), f"sin {name}": np.sin(a)}
-            elbow = rod.inner + np.cos(a) * rod.first + np.sin(a) * rod.second
-            lines.append(pluecker(elbow, at + rod.outer))
-        values = [value(x.equation, row) for x in loci if x.kind != "type 1"]
-        ratio.append(np.prod(values) / np.linalg.det(lines))
-    np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
-
-
-@pytest.mark.slow
-def test_rods_that_are_not_parallel_stay_so():
-    ring = irregular_delta(1e-6)
-    loci = type2(ring)
-    assert [x.kind for x in loci] == ["type 2"]
-    assert [x.kind for x in _type1(ring)].count("type 1") == 4
-
-
-def test_a_delta_has_loci_of_a_level_output_and_of_a_turned_one():
-    *level, both, one = pose_forms(shipped("delta")).loci
-    kinds = sorted(x.kind for x in level)
-    assert kinds == ["constraint", "type 1", "type 1", "type 1", "type 2"]
-    assert (both.kind, one.kind) == ("type 2 or constraint", "type 1")
-    assert all("e0" in x.equation.names for x in (both, one))
-    assert not any("e0" in x.equation.names for x in level)
 
 
 def test_rows_that_leave_type_1_of_hinged_legs_open_are_said(tmp_path):
