@@ -365,7 +365,7 @@ class Equation(Memory):
         if halves:
             parts = [(2 * k, s) for k, s in parts]
         text = signed_sum(parts, tight=True)
-        offset = math.remainder(float(frequency @ self.shift) / (1 if halves else 2), 2 * math.pi)
+        offset = math.remainder(float(frequency @ self.shift) / 2, 2 * math.pi) * (1 + halves)
         single = len(parts) == 1 and parts[0][0] == 1
         if shift and abs(offset) > 1e-12:
             size = abs(math.degrees(offset))
