@@ -36,9 +36,9 @@ ISA = {
     "avx512": ("-mavx2", "-mfma", "-mavx512f", "-mavx512dq", "-mavx512vl", "-mavx512bw"),
 }
 TESTS = (
-    *("tests/batch/test_batch.py", "tests/batch/test_batch_roots.py"),
-    *("tests/kinematics/test_refine.py", "tests/algebra/test_generic_points.py"),
-)  # the walks are of the third
+    *("tests/batch/test_batch.py", "tests/kinematics/test_refine.py"),  # the walks are of this one
+    "tests/algebra/test_generic_points.py",
+)
 _CLEARANCE = "tests/proximity/test_clearance.py::test_the_compiled_bounds_are_those_of_numpy"
 
 PLUGIN = '''

@@ -2,11 +2,20 @@
 
 import itertools
 import os
+import time
 
 import numpy as np
 import pytest
 from arms import pinocchio_jacobian
-from batch_cases import ROBOTS, close, lapack, matrices, random_chain, reference_jacobian
+from batch_cases import (
+    ROBOTS,
+    close,
+    lapack,
+    matrices,
+    random_chain,
+    reference_jacobian,
+    with_values,
+)
 from command_line import python
 from kernel import require_kernel
 from tiers import sampled, tiered, tiered_rows
@@ -25,16 +34,24 @@ LINK = Chain(np.array([np.eye(3)] * 2), np.array([[0.0, 0, 0], [1, 0, 0]]), np.a
 # ---- Jacobians
 
 
-@pytest.mark.parametrize("kind", sampled(["revolute", "prismatic", "mixed"]))
-@pytest.mark.parametrize("n", tiered([1, 2, 4, 5, 6, 7, 8, 9, 20], [1, 6, 7, 20]))
-def test_jacobians_of_random_chains(isa: str, n: int, kind: str) -> None:
+@pytest.mark.parametrize("kind", ["revolute", "prismatic", "mixed"])
+@pytest.mark.parametrize("n", tiered([*range(1, 10), 12, 20, 33], [1, 3, 6, 7, 20, 33]))
+def test_random_chains(isa: str, n: int, kind: str) -> None:
+    """Jacobians, and the singular values of some of their rows, as those of LAPACK."""
     chain = random_chain(n, kind, seed=n)
     Q = np.random.default_rng(n + 1).uniform(-4, 4, (37, n))
+    Q[::3, n // 2] = 0.0
     expected = np.array([reference_jacobian(chain, q) for q in Q])
     J = engine.jacobians(chain, Q, isa=isa)
     assert J.shape == (37, 6, n)
     scale = max(1.0, np.abs(expected).max())
     np.testing.assert_allclose(J, expected, rtol=0, atol=4e-15 * n * scale)
+    every = [0, 1, 2, 3, 4, 5], [0, 1, 2], [3, 4, 5], [5, 0], [4], [0, 2, 5], [3, 4, 5, 0, 1, 2]
+    for rows, length in itertools.product(every, (1.0, 0.3)):
+        scaled = J[:, rows] / np.where(np.array(rows) < 3, length, 1.0)[:, None]
+        S = engine.singular_values(chain, Q, rows=rows, length_scale=length, isa=isa)
+        assert S.shape == (37, min(len(rows), n))
+        assert close(S, lapack(scaled))
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -64,20 +81,24 @@ def test_sine_and_cosine_at_any_angle(isa: str) -> None:
 # ---- singular values of chains
 
 
-@pytest.mark.parametrize("kind", ["revolute", "prismatic", "mixed"])
-@pytest.mark.parametrize("n", tiered([1, 2, 3, 4, 5, 6, 7, 8, 9, 12, 33], [1, 3, 6, 7, 33]))
-def test_singular_values_of_random_chains(isa: str, n: int, kind: str) -> None:
-    chain = random_chain(n, kind, seed=50 + n)
-    Q = np.random.default_rng(n).uniform(-4, 4, (37, n))
-    Q[::3, n // 2] = 0.0
-    J = np.array([reference_jacobian(chain, q) for q in Q])
-    for rows in ([0, 1, 2, 3, 4, 5], [0, 1, 2], [3, 4, 5], [5, 0], [4], [2, 0, 5, 3, 1]):
-        for length in (1.0, 0.3):
-            scaled = J[:, rows] / np.where(np.array(rows) < 3, length, 1.0)[:, None]
-            S = engine.singular_values(chain, Q, rows=rows, length_scale=length, isa=isa)
-            expected = lapack(scaled)
-            assert S.shape == expected.shape
-            assert (np.abs(S - expected) <= 1e-14 * n * np.maximum(expected[:, :1], 1)).all()
+@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("length_scale", [1.0, 0.3, 1e-3, 1e-9, 1e9])
+def test_a_scaled_chain_has_the_values_of_scaled_rows(isa, name, length_scale):
+    chain = flatten(ROBOTS[name]())
+    Q = np.random.default_rng(5).uniform(-3, 3, (600, chain.n))
+    Q[::3, -2] = 0.0  # singular wrists
+    J = engine.jacobians(chain, Q, isa=isa)
+    J[:, :3] /= length_scale
+    assert close(engine.singular_values(chain, Q, length_scale=length_scale, isa=isa), lapack(J))
+
+
+@pytest.mark.parametrize("size", [1e3, 1e5, 1e150])
+def test_long_links(isa, size):
+    plain = random_chain(6, "revolute", 12)
+    Q = np.random.default_rng(13).uniform(-3, 3, (100, 6))
+    chain = Chain(plain.R, plain.t * size, plain.prismatic)
+    J = engine.jacobians(chain, Q, isa=isa)
+    assert close(engine.singular_values(chain, Q, isa=isa), lapack(J))
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -126,14 +147,17 @@ def test_threads_and_chunks_do_not_change_a_bit(isa: str) -> None:
     Q = rng.uniform(-3, 3, (N, 7))
     Q[rng.integers(0, N, 200)] = 0.0
     Q[rng.integers(0, N, 20), 0] = 1e7  # through the slow reduction, lane by lane
+    # Regular ones beside clusters, deficient and extreme ones.
+    A = np.concatenate([A[:40] for _, A, _ in matrices(6, 7, 40)])
+    A = A[np.random.default_rng(7).permutation(len(A))]
     J = engine.jacobians(chain, Q, isa=isa, threads=1)
     S = engine.singular_values(chain, Q, isa=isa, threads=1)
-    V = engine.svdvals(J, isa=isa, threads=1)
+    V = engine.svdvals(A, isa=isa, threads=1)
     for threads in (2, 3, 16, None):
         how = {"isa": isa, "threads": threads}
         assert np.array_equal(J, engine.jacobians(chain, Q, **how))
         assert np.array_equal(S, engine.singular_values(chain, Q, **how))
-        assert np.array_equal(V, engine.svdvals(J, **how))
+        assert np.array_equal(V, engine.svdvals(A, **how))
     for i in (0, 1, 13, 4099, N - 1):
         assert np.array_equal(J[i], engine.jacobians(chain, Q[i : i + 1], isa=isa)[0])
         assert np.array_equal(S[i], engine.singular_values(chain, Q[i : i + 1], isa=isa)[0])
@@ -141,9 +165,14 @@ def test_threads_and_chunks_do_not_change_a_bit(isa: str) -> None:
         parts = np.split(Q[: 6 * size], 6)
         values = [engine.singular_values(chain, part, isa=isa) for part in parts]
         assert np.array_equal(np.concatenate(values), S[: 6 * size])
-    order = rng.permutation(N)
+    for first, last in ((0, 1), (1, 4), (4, 13), (13, 200)):
+        assert np.array_equal(V[first:last], engine.svdvals(A[first:last], isa=isa))
+    order, other = rng.permutation(N), rng.permutation(len(A))
     assert np.array_equal(S[order], engine.singular_values(chain, Q[order], isa=isa))
-    assert np.array_equal(V[order], engine.svdvals(J[order], isa=isa))
+    assert np.array_equal(V[other], engine.svdvals(A[other], isa=isa))
+    beside = np.tile(np.eye(6, 7), (32, 1, 1))  # clusters of equal values only, by rotations
+    beside[0] = A[17]
+    assert np.array_equal(V[17], engine.svdvals(beside, isa=isa)[0])
 
 
 def test_instruction_sets_agree_to_rounding(isa):
@@ -271,12 +300,36 @@ def test_svdvals_are_lapacks(isa: str, m: int, n: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("m", "n"), [(6, 7), (6, 6)])
-def test_svdvals_are_lapacks_at_length(isa: str, m: int, n: int) -> None:
+def test_svdvals_are_lapacks_and_known_ones_at_length(isa: str, m: int, n: int) -> None:
     total = 0
     for name, A, expected in matrices(m, n, 10_000):
         total += len(A)
         assert close(engine.svdvals(A, isa=isa), expected), name
     assert total >= 200_000
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        s = 10 ** rng.uniform(-17, 0, (40_000, 6))
+        s[::2, 1:3] = s[::2, :1] * (1 + 10 ** rng.uniform(-16, 0, (20_000, 2)))
+        s = -np.sort(-s, axis=1)
+        S = engine.svdvals(with_values(rng, s, m, n), isa=isa)
+        assert (np.abs(S - s) <= 3e-15 * s[:, :1]).all()
+
+
+def test_most_matrices_are_settled_by_roots(isa):
+    # Else rotations would hide that roots are never sure of themselves, as they are of no cluster.
+    A = np.random.default_rng(3).standard_normal((20_000, 6, 7))
+    seconds = {"regular": np.inf, "clusters": np.inf}
+    for _ in range(5):
+        for name, B in (("regular", A), ("clusters", np.linalg.qr(A.transpose(0, 2, 1))[0])):
+            start = time.thread_time()
+            engine.svdvals(B, isa=isa, threads=1)
+            seconds[name] = min(seconds[name], time.thread_time() - start)
+    assert seconds["regular"] < 0.75 * seconds["clusters"]
+    # The sum of eigenvalues does not see a smallest one of 1e-12 of the largest.
+    rng = np.random.default_rng(11)
+    s = np.concatenate([rng.uniform(0.5, 1, (3000, 5)), 10 ** rng.uniform(-9, -3, (3000, 1))], 1)
+    found = engine.svdvals(with_values(rng, s, 6, 7), isa=isa)
+    assert close(found, -np.sort(-s, axis=1))
 
 
 def test_graded_values_to_rounding_of_the_largest(isa: str) -> None:

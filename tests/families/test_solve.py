@@ -29,10 +29,10 @@ from singular_sets import (
     moves,
     random_arm,
 )
-from tiers import sampled, tiered, tiered_rows
+from tiers import tiered, tiered_rows
 
 from pinsing.description.catalog import data_folder
-from pinsing.families import ClosedForm, Family, closed_form, prove
+from pinsing.families import ClosedForm, closed_form, prove
 from pinsing.families.family import latex_lines
 from pinsing.families.form import coverage_words, families_text
 from pinsing.families.solve import STEPS
@@ -45,12 +45,8 @@ PI, R = np.pi, RIGHT
 Values = dict[int, tuple[float, ...]]
 
 
-def value_sets(family: Family) -> set[tuple[tuple[int, float], ...]]:
-    """Fixed joints (counted from 1) and values of all branches, angles modulo half of noise."""
-    return {tuple((j + 1, round(v, 9) + 0.0) for j, v in b.items()) for b in family.values}
-
-
 def product(values: Values) -> set[tuple[tuple[int, float], ...]]:
+    """All choices of a value for each joint, to half of the digits."""
     choices = [[(j, round(float(v), 9) + 0.0) for v in vs] for j, vs in sorted(values.items())]
     return set(itertools.product(*choices))
 
@@ -58,16 +54,6 @@ def product(values: Values) -> set[tuple[tuple[int, float], ...]]:
 def locus(constant: float, *terms: tuple[float, Any, tuple[int, ...]]) -> Callable[[Array], Array]:
     """A constant plus factors times the sine or cosine of sums of joints."""
     return lambda q: constant + sum(a * f(q[:, list(js)].sum(axis=1)) for a, f, js in terms)
-
-
-def by_values(form: ClosedForm, *known: Values) -> list[Family]:
-    """Check that the families of joint values are exactly these; return the others."""
-    left = list(form.families)
-    for values in known:
-        match = [f for f in left if not f.equations and value_sets(f) == product(values)]
-        assert len(match) == 1, f"{values} is not among {[str(f) for f in left]}"
-        left.remove(match[0])
-    return left
 
 
 cos, sin = np.cos, np.sin
@@ -91,7 +77,14 @@ LOCI: dict[str, Callable[[Array], Array]] = {
 @pytest.mark.parametrize("name", KNOWN)
 def test_known_forms(name: str) -> None:
     form = closed_form(AWKWARD[name]) if name in AWKWARD else closed(name)
-    others = by_values(form, *KNOWN[name])
+    others = [family for family in form.families if family.equations]
+    found = [
+        set().union(*(product({j + 1: (v,) for j, v in b.items()}) for b in family.values))
+        for family in form.families
+        if not family.equations
+    ]
+    wanted = [product(values) for values in KNOWN[name]]
+    assert sorted(map(sorted, found)) == sorted(map(sorted, wanted))
     assert len(others) == (name in LOCI)
     for family in others:
         q = np.random.default_rng(1).uniform(-3, 3, (50, len(form.symbols)))
@@ -171,6 +164,7 @@ AWKWARD = {
 }  # fmt: skip
 OPEN = {"five in two parallel groups", "rows used up"}
 """Arms for which an honest "not complete" will do."""
+NOWHERE_SINGULAR = {"one joint", "two parallel joints", "sliders only", "slider twice"}
 
 
 @pytest.mark.parametrize("name", tiered(AWKWARD, {*AWKWARD} - {"rows used up", "double roots"}))
@@ -182,13 +176,8 @@ def test_awkward_arms(name: str) -> None:
         assert form.complete, form.gaps
     if form.complete:
         check_search(arm, form, 60)
-
-
-def test_no_singularity_at_all() -> None:
-    for name in ("one joint", "two parallel joints", "sliders only", "slider twice"):
-        form = closed_form(AWKWARD[name])
-        assert form.complete, name
-        assert not form.families, name
+    if name in NOWHERE_SINGULAR:
+        assert not form.families
         assert "no singular configurations: the rank is the same everywhere" in str(form)
         assert "no singular configurations known" in form.latex()
 
@@ -259,13 +248,12 @@ LONG = {
 QUICK = set(ROBOTS) - LONG
 
 
-@pytest.mark.parametrize("name", sampled(tiered(ROBOTS, QUICK)))
-def test_complete(name: str) -> None:
-    form = closed(name)
+@pytest.mark.parametrize("name", tiered(ROBOTS, QUICK))
+def test_all_families_of_a_robot(name: str) -> None:
+    arm, form = arm_of(name), closed(name)
     assert form.complete, form.gaps
     assert form.families
-    if name not in SYSTEMS | {"so101"}:
-        assert form.fully_decomposed
+    assert form.fully_decomposed or name in SYSTEMS | {"so101"}
     for family in form.families:
         assert family.real
         assert family.contains(family.generic)
@@ -273,18 +261,12 @@ def test_complete(name: str) -> None:
         assert family.lost
         assert family.reason
         assert family.kind in ("boundary", "interior", "undecided", "varies")
-        assert 1 <= family.codimension <= arm_of(name).n
+        assert 1 <= family.codimension <= arm.n
     check_apart(form, 6, 1e-7)
-
-
-@pytest.mark.parametrize("name", tiered(ROBOTS, QUICK))
-def test_points_are_singular(name: str) -> None:
-    check_families(arm_of(name), closed(name), 12 if name in SYSTEMS else 60)
-
-
-@pytest.mark.parametrize("name", tiered(ROBOTS, QUICK))
-def test_search_finds_nothing_else(name: str) -> None:
-    assert check_search(arm_of(name), closed(name), 60) >= 50
+    check_families(arm, form, 12 if name in SYSTEMS else 60)
+    if name not in SYSTEMS:
+        check_beside(arm, form, 20)
+    assert check_search(arm, form, 60) >= 50
 
 
 @pytest.mark.slow
@@ -292,11 +274,6 @@ def test_search_finds_nothing_else(name: str) -> None:
 def test_a_thousand_points_and_three_hundred_searches(name: str) -> None:
     check_families(arm_of(name), closed(name), 1000, seed=2)
     assert check_search(arm_of(name), closed(name), 320, seed=3) >= 300
-
-
-@pytest.mark.parametrize("name", tiered(sorted(set(ROBOTS) - SYSTEMS), QUICK - SYSTEMS))
-def test_near_misses_are_regular(name: str) -> None:
-    check_beside(arm_of(name), closed(name), 20)
 
 
 @pytest.mark.slow
@@ -322,7 +299,19 @@ def test_budget_is_kept_and_said(monkeypatch: pytest.MonkeyPatch) -> None:
     assert next(looks) < 3 * 50
 
 
-CHAINS = {
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", tiered(["ur5", "z1", "irb1400", "so101", "surgical7"], ("irb1400",))
+)
+def test_positions_are_complete(name):
+    arm = load(name, task="position")
+    form = closed_form(arm, seconds=30)
+    assert max(f.codimension for f in form.families) >= 3
+    assert check_all(arm, form) >= 250
+    check_apart(form, 20)
+
+
+EIGHT = {
     "talos and its gripper": ("talos_full_v2", "gripper_left_motor_double_link", "torso_2_link"),
     "baxter and its finger": ("baxter", "l_gripper_l_finger_tip", None),
     "panda and its finger": ("panda", "panda_leftfinger", None),
@@ -331,24 +320,9 @@ CHAINS = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", tiered(["ur5", "z1", "irb1400", "so101", "surgical7"], ("irb1400",))
-)
-def test_positions_are_complete(name):
-    arm = load(name, task="position")
-    form = closed_form(arm, seconds=30)
-    assert form.complete, form.gaps
-    assert max(f.codimension for f in form.families) >= 3
-    check_families(arm, form, 12 * len(form.families))
-    assert check_search(arm, form, 60) >= 50
-    check_apart(form, 20)
-    check_beside(arm, form, 10, share=0.5)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", CHAINS)
+@pytest.mark.parametrize("name", EIGHT)
 def test_chains_of_eight_joints_are_complete(name):
-    robot, tip, base = CHAINS[name]
+    robot, tip, base = EIGHT[name]
     arm = load(robot, tip=tip, base=base)
     form = closed_form(arm, seconds=60)
     assert arm.n == 8
@@ -358,20 +332,15 @@ def test_chains_of_eight_joints_are_complete(name):
 
 
 NINE = {
-    "alex, torso and arm": ("alex_nub_hands.urdf", "LeftWristRollLink"),
-    "talos, torso and arm": ("talos_full_v2", "wrist_left_ft_tool_link"),
-}
-
-
-def nine(name):
-    robot, tip = NINE[name]
-    return load(next(data_folder().rglob(robot)) if "." in robot else robot, tip=tip)
+    "alex_nub_hands": "LeftWristRollLink", "talos_full_v2": "wrist_left_ft_tool_link",
+}  # fmt: skip
+"""Torsos with an arm, and their tips."""
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NINE)
 def test_nine_joints_are_complete_by_a_count(name):
-    arm = nine(name)
+    arm = load(name, tip=NINE[name])
     assert arm.n == 9
     form = closed_form(arm, seconds=300, prove=False)
     assert form.complete, form.gaps
@@ -393,7 +362,7 @@ def test_nine_joints_are_complete_by_a_count(name):
 
 @pytest.mark.slow
 def test_nine_joints_end_in_time_and_say_what_stopped_them():
-    form = closed_form(nine("alex, torso and arm"), seconds=0.3)
+    form = closed_form(load("alex_nub_hands", tip=NINE["alex_nub_hands"]), seconds=0.3)
     assert not form.complete
     assert any("budget of" in g or "told apart" in g for g in form.gaps)
 

@@ -11,10 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 from command_line import run
-from dh_arms import dh_text
-from public import script
+from public import ROOT, script
 from tiers import tiered
 
 import pinsing
@@ -27,27 +25,13 @@ from pinsing.proximity.clearance import distances
 from pinsing.proximity.monitor import make_guard
 from pinsing.report.arm_report import describe, gather, robot
 from pinsing.robot.arm import Arm
-from pinsing.robot.calibration import LINKS, calibrated, known_like
+from pinsing.robot.calibration import calibrated, known_like
 from pinsing.robot.nominal import assumed_design, chain_model, design_of, differences, flatten
 
 designs = importlib.import_module("pinsing.robot.nominal")
 Q = np.array([0.0, -1.2, 1.3, -1.0, -1.5, 0.0])
-UR5E = {
-    "shoulder": (0, 0, 0.16271, 0, 0, 0),
-    "upper_arm": (0.000182, 0, 0, 1.571315, 0, 0),
-    "forearm": (-0.42517, 0, 0, 0.001444, -0.000426, 0),
-    "wrist_1": (-0.392647, -0.000403, 0.133106, 0.003028, -0.001186, 0),
-    "wrist_2": (0, -0.099604, 0, 1.5708, 0, 0),
-    "wrist_3": (0, 0.099585, 0.0001, 1.571752, math.pi, math.pi),
-}
-
-
-def write(path: Path, links: dict[str, tuple[float, ...]]) -> Path:
-    """Write a calibration as the driver does."""
-    keys = ("x", "y", "z", "roll", "pitch", "yaw")
-    rows = {link: dict(zip(keys, values, strict=True)) for link, values in links.items()}
-    path.write_text(yaml.safe_dump({"kinematics": {**rows, "hash": "calib_1"}}))
-    return path
+FILE = ROOT / "tests" / "words" / "files" / "ur5e.calibration.yaml"
+"""A calibration of a UR5e."""
 
 
 @pytest.fixture(scope="module")
@@ -74,10 +58,9 @@ def few_boxes() -> Iterator[None]:
 
 
 @pytest.fixture(scope="module")
-def form(tmp_path_factory: pytest.TempPathFactory) -> pinsing.ClosedForm:
+def form() -> pinsing.ClosedForm:
     """A calibrated UR5e."""
-    file = write(tmp_path_factory.mktemp("calibration") / "c.yaml", UR5E)
-    return pinsing.closed_form(calibrated(pinsing.load("ur5e"), file))
+    return pinsing.closed_form(calibrated(pinsing.load("ur5e"), FILE))
 
 
 def guard_of(form: pinsing.ClosedForm) -> Callable[[np.ndarray], np.ndarray]:
@@ -276,38 +259,6 @@ def test_the_design_is_found_or_refused() -> None:
             design_of(ur5e, pinsing.load(name))
 
 
-def test_a_calibrated_file_has_the_families_of_its_design(tmp_path: Path) -> None:
-    rows = [(-90.1, 0.0002, 0.67), (0.08, 0.4321, 0), (90.05, -0.0203, 0.1501)]
-    rows += [(-89.9, 0.0001, 0.4322), (90.1, 0.0003, 0), (0, 0, 0.0562)]
-    file = tmp_path / "puma.yaml"
-    file.write_text(dh_text([(*row, 0, "continuous") for row in rows]))
-    said = run("families", str(file))
-    assert "a simpler design is assumed" in said.stderr
-    assert "Every singular configuration of this robot lies within" in said.stdout
-    assert len(said.stdout.partition("\n  Next")[0].splitlines()) <= 9
-    alone = run("families", str(file), "--design", "none")
-    assert "1 family" in alone.stdout
-    assert "design none" in alone.stdout
-    assert "nominal design" not in alone.stdout
-    there = run("at", str(file), "--q", "1,1,1,1,1,1").stdout
-    assert "3 families of the design" in there
-    near, _, proven = there.replace("\n", " ").partition(" away ")
-    assert near.rpartition(", ")[0].endswith(" of the design")
-    assert proven.startswith("(at least ")
-    on = run("at", str(file), "--q", "0,1,1,1,0,1").stdout.replace("\n  ", " ")
-    assert "on the wrist singularity (q5 = 0°) of the design" in on
-    plain = run("at", str(file), "--q", "1,1,1,1,1,1", "--design", "none").stdout
-    assert "of the design" not in plain
-    exact = run("at", str(file), "--q", "0,1,1,1,0,1", "--nominal").stdout
-    assert ": SINGULAR, on the wrist singularity" in exact
-    aspects = run("postures", str(file)).stdout
-    assert "made: 8 aspects within the joint limits, proven for the design" in aspects
-    assert "aspects are of the design" in " ".join(aspects.split())
-    assert "is assumed" not in alone.stderr
-    loops = run("families", "delta", "--loops", "delta.loops.yaml", "--design", "ur5e")
-    assert (loops.exit_code, "--design" in loops.stderr) == (2, True)
-
-
 def test_list_says_of_the_design_what_families_say(form) -> None:
     arm = form.loaded
     found = replace(arm, design=assumed_design(arm))  # as of a URDF
@@ -321,63 +272,49 @@ def test_list_says_of_the_design_what_families_say(form) -> None:
     assert "families are of" not in describe(same).geometry()
 
 
-def test_a_calibration_is_named_with_the_robot(tmp_path: Path) -> None:
-    file = write(tmp_path / "own.yaml", UR5E)
-    shown = run("list", "ur5e", "--calibration", str(file)).stdout
-    assert f"arms.yaml with calibration {file}" in " ".join(shown.split())
+def test_a_calibration_is_named_with_the_robot(form) -> None:
+    shown = run("list", "ur5e", "--calibration", FILE).stdout
+    assert f"arms.yaml with calibration {FILE}" in " ".join(shown.split())
     assert "moved: " not in shown
-    arm = calibrated(pinsing.load("ur5e"), file)
-    form = pinsing.closed_form(arm, prove=False)
+    arm = form.loaded
     for text in (make_guard(arm, "python", forms=form).text, robot(gather(arm, form))[-1]):
-        assert f"ur5e with calibration {file}" in text
-    assert form.arm.typed == f"ur5e --tip tool0 --calibration {file}"
+        assert f"ur5e with calibration {FILE}" in text
+    assert form.arm.typed == f"ur5e --tip tool0 --calibration {FILE}"
     with pinsing.Viewer(arm, form.families, coverage=coverage_words(form), skeleton=True) as viewer:
         page = viewer._page(live=False)
-    assert f"described by ur5e with calibration {file}" in page["notes"]
+    assert f"described by ur5e with calibration {FILE}" in page["notes"]
     assert str(form.tube) in page["coverage"]
 
 
 @pytest.mark.slow
-def test_calibrations_are_read_strictly(tmp_path: Path) -> None:
-    ur5e = pinsing.load("ur5e")
-    arm = calibrated(ur5e, write(tmp_path / "c.yaml", UR5E))
-    assert arm.design is ur5e
+def test_calibrations_are_read_strictly(form, tmp_path: Path) -> None:
+    arm, ur5e = form.loaded, pinsing.load("ur5e")
+    assert calibrated(ur5e, FILE).design is ur5e
     assert assumed_design(arm)
-    zero = np.zeros(6)
-    one, other = (pinsing.kinematics.frame_jacobian(a, zero) for a in (ur5e, arm))
+    one, other = (pinsing.kinematics.frame_jacobian(a, np.zeros(6)) for a in (ur5e, arm))
     assert 1e-4 < np.abs(one - other).max() < 1e-2
-    degrees = {**UR5E, "wrist_2": (0, -0.0996, 0, 90, 0, 0)}
-    with pytest.raises(RobotFileError, match=r"wrist_2: roll: 90 is no angle in radians"):
-        calibrated(ur5e, write(tmp_path / "d.yaml", degrees))
-    with pytest.raises(RobotFileError, match="missing key 'wrist_3'"):
-        calibrated(ur5e, write(tmp_path / "m.yaml", {k: UR5E[k] for k in LINKS[:5]}))
-    for other, words in (
-        (pinsing.load("puma560"), r"c\.yaml: 'puma560' is another robot"),
+    bad = tmp_path / "bad.yaml"
+    for old, new, words in (
+        ("roll: 1.5708,", "roll: 90,", "wrist_2: roll: 90 is no angle in radians"),
+        ("  wrist_3: {", "  # {", "missing key 'wrist_3'"),
+    ):
+        bad.write_text(FILE.read_text().replace(old, new))
+        with pytest.raises(RobotFileError, match=words):
+            calibrated(ur5e, bad)
+    for of, words in (
+        (pinsing.load("puma560"), rf"{FILE.name}: 'puma560' is another robot"),
         (arm, "is itself off one, as after a calibration"),
         (pinsing.load("panda"), "is for a UR robot"),
     ):
         with pytest.raises(OptionError, match=words):
-            calibrated(other, tmp_path / "c.yaml")
-    moved = {**UR5E, "wrist_2": (0, -0.0996, 0, 1.62, 0, 0)}
-
-    def said(name: str, file: str, *more: str) -> str:
-        options = ["--calibration", str(tmp_path / file), "--q", "1,1,1,1,1,1", "--no-distances"]
-        return run("at", name, *options, *more).stderr
-
-    write(tmp_path / "far.yaml", moved)
-    assert "the design may be of another robot: the axis of" in said("ur5e", "far.yaml")
-    other = said("ur5", "c.yaml")
-    assert "may be of another robot: the axis of shoulder_pan_joint" in other
-    assert "; ur5e fits better, " in other
+            calibrated(of, FILE)
+    chain = flatten(arm)
     for much, odd in ((0.0, False), (3e-3, True)):
-        chain = flatten(arm)
         heavy = replace(chain, t=chain.t + much * np.sin(np.arange(21)).reshape(7, 3))
         loose = replace(arm, model=chain_model(heavy, arm), design=None)
         loose = replace(loose, design=assumed_design(loose))
         assert designs.is_odd(loose) == odd
         assert known_like(loose)[0] == "ur5e"
-    ignored = said("ur5e", "c.yaml", "--design", "none")
-    assert "the design of the calibration is ignored" in ignored
 
 
 @pytest.mark.slow
