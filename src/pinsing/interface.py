@@ -29,7 +29,7 @@ import numpy as np
 from pinsing._package import Advised
 from pinsing.errors import ArgumentError, ConfigurationError, OptionError, PinsingError, ResultError
 from pinsing.measures import Array, ArrayLike, Bool, NDArray
-from pinsing.prose import WIDTH, html_text, one_line, unbroken
+from pinsing.prose import WIDTH, html_text, one_line, shortened, unbroken
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -145,11 +145,11 @@ def shown(value: Any) -> str:
     if isinstance(value, int) and value.bit_length() > _MOST_BITS:
         return f"one too large ({value.bit_length():,} bits)"
     if value is None or isinstance(value, bool | int | float | complex | np.number):
-        return _cut(f"{value}")
+        return shortened(f"{value}", _LONGEST)
     if isinstance(value, bytes | bytearray):
         return "bytes"
     if isinstance(value, str):
-        return f"the text {_cut(value)!r}"
+        return f"the text {shortened(value, _LONGEST)!r}"
     if isinstance(value, np.ndarray):
         return f"an array of {value.dtype} of shape {value.shape}"
     if isinstance(value, type):
@@ -220,10 +220,6 @@ def _holds(
 
 def _is_nan(value: Any) -> bool:
     return isinstance(value, float | np.floating) and math.isnan(value)
-
-
-def _cut(text: str) -> str:
-    return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
 
 
 # Annotations --------------------------------------------------------------------------
@@ -493,13 +489,13 @@ class JsonResult(Advised):
         except KeyError as error:
             raise ResultError(f"damaged {cls.schema} data: {error} is missing") from None
         except (TypeError, ValueError, OverflowError, RecursionError, PinsingError) as error:
-            raise ResultError(f"damaged {cls.schema} data: {_short(error)}") from None
+            raise ResultError(f"damaged {cls.schema} data: {error!s:.200}") from None
         try:  # rows too few, or numbers of what there is not: found here and not later
             with np.errstate(over="raise", invalid="raise"):
                 str(made)
         except _UNFIT as error:
             raise ResultError(
-                f"damaged {cls.schema} data: its parts do not fit together ({_short(error)})"
+                f"damaged {cls.schema} data: its parts do not fit together ({error!s:.200})"
             ) from None
         return typing.cast("Self", made)
 
@@ -528,7 +524,7 @@ class JsonResult(Advised):
         try:
             data = json.loads(text)
         except (ValueError, RecursionError) as error:
-            raise ResultError(f"not JSON: {_short(error)}") from None
+            raise ResultError(f"not JSON: {error!s:.200}") from None
         return cls.from_dict(data)
 
 
@@ -548,11 +544,6 @@ class Sequenced(Generic[T]):
 
 
 _UNFIT = (TypeError, ValueError, LookupError, ArithmeticError, AttributeError, RecursionError)
-
-
-def _short(error: Exception) -> str:
-    text = "".join(c if c.isprintable() else "?" for c in str(error))
-    return text if len(text) <= 200 else f"{text[:200]}..."
 
 
 def _one_line(self: Any) -> str:

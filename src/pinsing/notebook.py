@@ -127,10 +127,7 @@ def _group(left: list[str], depth: int) -> list[str]:
     """Return what an index or a power takes: braces, or one token."""
     while (token := left.pop()) == " ":
         pass
-    if token == "{":
-        return _row(left, depth + 1)
-    _Unknown.refuse_if(not (token.isalnum() or token[0] == "\\" or "." in token[1:]), token)
-    return _element(token, left, depth + 1)
+    return _row(left, depth + 1) if token == "{" else _element(token, left, depth + 1)
 
 
 def _begins(row: list[str]) -> bool:

@@ -165,10 +165,13 @@ class Page:
 
     def paint(self, span: Span) -> str:
         """One span, safe, with its colour if colours are shown."""
-        if isinstance(span, str):
-            return safe(span)
-        text = safe(span.text)
-        return f"{span.tone.value}{text}{_END}" if self.colour and text else text
+        return self._toned(span, safe(span if isinstance(span, str) else span.text))
+
+    def _toned(self, span: Span, text: str) -> str:
+        """Safe words of a span, with its colour if colours are shown."""
+        if isinstance(span, str) or not self.colour or not text:
+            return text
+        return f"{span.tone.value}{text}{_END}"
 
     def paragraph(self, *spans: Span, first: str = "", rest: str | None = None) -> str:
         """Return wrapped text, indented by ``first``, then ``rest`` (as many spaces by default)."""
@@ -192,12 +195,8 @@ class Page:
             for k, piece in enumerate(re.split("[ \n\t]", text)):
                 if k:
                     words.append(("", 0))
-                kept = _KEPT.join(safe(part) for part in piece.split(_KEPT))
-                if not isinstance(span, str) and self.colour and kept:
-                    shown = f"{span.tone.value}{kept}{_END}"
-                else:
-                    shown = kept
-                words[-1] = (words[-1][0] + shown, words[-1][1] + columns(kept))
+                kept, (before, size) = visible(piece, keep=_KEPT), words[-1]
+                words[-1] = (before + self._toned(span, kept), size + columns(kept))
         return [word for word in words if word[0]]
 
     def fitted(self, text: str) -> str:
@@ -296,18 +295,22 @@ def _aligned(text: str, width: int, right: bool) -> str:
     return gap + text if right else text + gap
 
 
+def shortened(text: str, most: int) -> str:
+    """The beginning of a text that is longer than so many letters."""
+    return text if len(text) <= most else text[: most - 3] + "..."
+
+
 def escaped(words: str) -> str:
-    """Words without what HTML would take for its own."""
+    """Words without what HTML would take for its own; characters that hide or turn text shown."""
     import html  # with all names of characters: a command without a page can do without
 
-    return html.escape(words)
+    return html.escape(visible(words, keep="\n\t" + _KEPT))
 
 
 def one_line(kind: str, text: str) -> str:
     """Return ``<kind: first line of text>``, short and without control characters."""
     first = text.strip().splitlines()[0] if text.strip() else ""
-    first = visible(first)
-    cut = first if len(first) <= WIDTH else first[: WIDTH - 3] + "..."
+    cut = shortened(visible(first), WIDTH)
     return f"<{kind}: {cut}>" if cut else f"<{kind}>"
 
 

@@ -24,7 +24,7 @@ from pinsing.interface import JsonResult, checked, typed
 from pinsing.kinematics.at import SINGULAR, State, at
 from pinsing.kinematics.jacobian import SINGULAR_RTOL, engine_name, generic_rank, ratios
 from pinsing.measures import ROUNDING, Array, ArrayLike, Bool, Reachability
-from pinsing.prose import PLAIN, Page, Table
+from pinsing.prose import PLAIN, Page, Table, escaped as text
 from pinsing.proximity.clearance import Clearance, Suggestion, clearance, suggest
 from pinsing.proximity.trajectory import (
     TrajectoryCheck,
@@ -53,7 +53,6 @@ from pinsing.report.document import (
     section,
     table,
     terms,
-    text,
     workspace_pictures,
 )
 from pinsing.robot.arm import Arm, ArmSummary, summarize

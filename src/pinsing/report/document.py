@@ -25,7 +25,7 @@ import numpy as np
 from pinsing._version import __version__
 from pinsing.families import Branch, Family
 from pinsing.notebook import mathml
-from pinsing.prose import visible
+from pinsing.prose import escaped as text
 from pinsing.robot.arm import Arm
 
 STYLE = """
@@ -142,11 +142,6 @@ def counted(number: int, one: str, many: str) -> str:
     """``one family``, ``three families``, ``12 families``."""
     said = _COUNTS[number] if number < len(_COUNTS) else str(number)
     return f"{said} {one if number == 1 else many}"
-
-
-def text(words: str) -> str:
-    """Words, escaped; control characters and marks that hide or turn text are shown as such."""
-    return html.escape(visible(words, keep="\n\t"))
 
 
 def name(words: str) -> str:

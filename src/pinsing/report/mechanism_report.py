@@ -28,7 +28,7 @@ from pinsing.plot.mechanism import (
     pose_maps,
 )
 from pinsing.plot.style import legend_of_all
-from pinsing.prose import Page
+from pinsing.prose import Page, escaped as text
 from pinsing.report.document import (
     Section,
     badge,
@@ -44,7 +44,6 @@ from pinsing.report.document import (
     section,
     table,
     terms,
-    text,
 )
 from pinsing.robot.mechanism import Mechanism
 

@@ -423,12 +423,12 @@ def plan_sweep(
     uniform_values, uniform = uniform_configurations(arm, q, special, ignore_limits, notes)
     effects = _effects(arm, exact, q, chosen, values, ranges, rng, notes)
     planned = _combinations(exact, effects, asked, prune, seed)
-    for level in asked:
-        if level > sum(e.swept for e in effects):
-            notes.append(
-                f"level {level} is empty: there are not {level} joints that change sigma_min"
-            )
     swept = sum(e.swept for e in effects)
+    notes += [
+        f"level {level} is empty: there are not {level} joints that change sigma_min"
+        for level in asked
+        if level > swept
+    ]
     n_curves = len(chosen) + sum(len(p.values) * (swept - p.level) for p in planned if p.swept)
     return SweepPlan(
         arm=summarize(arm),
@@ -497,11 +497,8 @@ def _effects(
         effects.append(
             JointEffect(name, float(change[i]), not reason, reason, values[i], ranges[i])
         )
-    by_reason: dict[str, list[str]] = {}
-    for effect in effects:
-        if effect.reason:
-            by_reason.setdefault(effect.reason, []).append(effect.joint)
-    for why, names in by_reason.items():
+    for why in dict.fromkeys(effect.reason for effect in effects if effect.reason):
+        names = [effect.joint for effect in effects if effect.reason == why]
         many = len(names) > 1 and why == NOT_CHANGING
         notes.append(f"not swept: {', '.join(names)} ({NOT_CHANGING_BOTH if many else why})")
     return tuple(effects)
@@ -513,12 +510,11 @@ def _combinations(
     """Return sets of special values by level, and if they force a singularity."""
     # Lower levels than asked for are tested too, so that forced sets are minimal.
     swept = [i for i, effect in enumerate(effects) if effect.swept]
-    counts = [1]  # elementary symmetric polynomials of the numbers of special values
-    for i in swept:
-        k = len(effects[i].special)
-        counts = [a + k * b for a, b in zip([*counts, 0], [0, *counts], strict=True)]
+    # Elementary symmetric polynomials of the numbers of special values, however large.
+    each = [np.array([1, len(effects[i].special)], dtype=object) for i in swept]
+    counts = functools.reduce(np.convolve, each, np.ones(1, dtype=object))
     top = min(max(asked, default=0), len(swept))
-    total = sum(counts[1 : top + 1])
+    total = int(sum(counts[1 : top + 1]))
     OptionError.refuse_if(
         total > _MAX_SETS,
         f"{total:,} sets of special values are too many (at most {_MAX_SETS:,}); "
@@ -1019,8 +1015,7 @@ def compute_curves(
     (n, 2) in ``samples``; ``rows`` are its curves.
     """
     tally, pool = Tally(worst), Pool(candidates)
-    sigma_min: list[Array] = []
-    sigma_ratios: list[Array] = []
+    kept: list[tuple[Array, Array]] = []
     places, block = np.arange(samples)[None], _curves_per_block(samples)
     for first in range(0, len(rows.numbers), block):
         some = slice(first, first + block)
@@ -1038,11 +1033,10 @@ def compute_curves(
         kind = kinds(rows, samples, row + first, column)
         pool.add(numbers[dip], kind, last[dip], ratio[dip])
         if values:
-            sigma_min.append(last.ravel())
-            sigma_ratios.append(ratio.ravel())
+            kept.append((last.ravel(), ratio.ravel()))
     record = tally.record() | pool.record()
     if values:
-        record |= zip(VALUES, map(np.concatenate, (sigma_min, sigma_ratios)), strict=True)
+        record |= zip(VALUES, map(np.concatenate, zip(*kept, strict=True)), strict=True)
     return record
 
 
