@@ -468,7 +468,7 @@ def _answer(
     from pinsing.interface import typed
     from pinsing.kinematics.ladder import posture_names
     from pinsing.measures import ALIKE
-    from pinsing.proximity.clearance import titled, watch
+    from pinsing.proximity.clearance import step_text, titled, watch
     from pinsing.proximity.trajectory import singularity
 
     arm, near = state.arm, () if found is None else found[1].families
@@ -492,14 +492,15 @@ def _answer(
         away = d.q - state.q
         moved = [j for j, x in enumerate(away) if abs(x) > 1e-6]
         moves = ", ".join(
-            f"{arm.joints[j]} by {_amount(float(away[j]), degrees and not slides, '+')}"
-            f"{' m' * slides or ' rad' * (not degrees)}"
-            for j, slides in ((j, bool(arm.prismatic[j])) for j in moved)
+            f"{arm.joints[j]} by {step_text(float(away[j]), degrees, bool(arm.prismatic[j]))}"
+            for j in moved
         )
-        turns, slides = not arm.prismatic[moved].any(), arm.prismatic[moved].all()
-        unit = " m" if slides else " rad" * (turns and not degrees)
-        scale = arm.length_scale if slides else 1.0
-        far, least = (f"{_amount(x * scale, degrees and turns)}{unit}" for x in (d.upper, d.lower))
+        slides, scale = bool(arm.prismatic[moved].all()), arm.length_scale
+        mixed = not slides and arm.prismatic[moved].any()
+        far, least = (
+            f"{x:.4g}" if mixed else step_text(scale * x if slides else x, degrees, slides, "")
+            for x in (d.upper, d.lower)
+        )
         proven = f" (at least {least}, proven{of * watched.nominal})" if watched and of else ""
         what = f"{titled(d.family, d.title)}{of}, {far} away{proven}: {moves}"
         lines.append(f"  Nearest {other}singularity{within}: {what}")
@@ -541,10 +542,6 @@ def _nearest(
         if math.isfinite(d.upper) and (best is None or d.upper < best.upper):
             best = d
     return best
-
-
-def _amount(value: float, degrees: bool, sign: str = "") -> str:
-    return f"{math.degrees(value):{sign}.4g}°" if degrees else f"{value:{sign}.4g}"
 
 
 def _distances(arm: robot.Arm, q: Array) -> tuple[families.ClosedForm, Distances] | None:

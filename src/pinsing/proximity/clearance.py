@@ -772,7 +772,7 @@ def distance_words(found: Distances, degrees: bool, space: JointSpace) -> list[s
         if slides:
             far += " (rad, and metres over the length scale)" if turns else " m"
         moves = [
-            f"{names[j]} {_joint(float(d.q[j] - found.q[j]), degrees, bool(prismatic[j]))}"
+            f"{names[j]} {step_text(float(d.q[j] - found.q[j]), degrees, bool(prismatic[j]))}"
             for j in moved
         ]
         way = f"by {', '.join(moves)}" if moves else "on it"
@@ -789,10 +789,11 @@ def _length(x: float, slides: bool, degrees: bool) -> str:
     return f"{math.degrees(x):.4g}° ({x:.4g} rad)" if x else "0°"
 
 
-def _joint(x: float, degrees: bool, slides: bool) -> str:
+def step_text(x: float, degrees: bool, slides: bool, sign: str = "+") -> str:
+    """How far a joint moves, with its unit."""
     if slides:
-        return f"{x:+.4g} m"
-    return f"{math.degrees(x):+.4g}°" if degrees else f"{x:+.4g} rad"
+        return f"{x:{sign}.4g} m"
+    return f"{math.degrees(x):{sign}.4g}°" if degrees else f"{x:{sign}.4g} rad"
 
 
 _CLIMBERS = 48
