@@ -235,7 +235,7 @@ def test_tallies_join_in_any_order(data, worst, cuts, seed):
     expected = brute_force(sigma, worst)
     assert whole.done == len(data)
     assert (whole.singular, whole.near) == (expected["singular"], expected["near"])
-    assert whole.worst_index.tolist() == expected["worst"]
+    assert whole.points["index"].tolist() == expected["worst"]
     assert whole.index.tolist() == expected["index"]
     assert whole.histogram.sum(axis=1).tolist() == [len(data)] * 2
     for name, array in serial.record().items():

@@ -696,12 +696,11 @@ def _families(arm: Arm, forms: Forms | None) -> Watched:
 def _spread(near: Watched, tally: Tally, locate: Callable[[int], Array]) -> ClearanceSpread:
     """Turn a tally that has seen something into a result."""
     upper, lower = distributions(tally, locate)
-    numbers = tally.worst_index.tolist()
-    Q = np.stack([locate(i) for i in numbers])
+    Q = np.stack([locate(i) for i in tally.points["index"].tolist()])
     family = nearest_family(near.conditions, Q)[0]
-    rows = zip(numbers, Q, tally.worst_ratio, tally.worst_sigma, family, strict=True)
     nearest = tuple(
-        ClearancePoint(i, q, float(low), float(high), near.names[k]) for i, q, low, high, k in rows
+        ClearancePoint(i, q, low, high, near.names[k])
+        for (i, high, low), q, k in zip(tally.points.tolist(), Q, family, strict=True)
     )
     return ClearanceSpread(near.names, near.complete, lower, upper, nearest)
 

@@ -314,10 +314,7 @@ def special_values(
         slides = bool(arm.prismatic[i])
         usual = (0.0, float(arm.span[0][i] + arm.span[1][i]) / 2) if slides else common
         values = np.array(by_joint.get(name, usual), dtype=float)
-        for value in values[~np.isfinite(values)]:
-            raise OptionError(f"special value {value} of {name} is not finite")
-        rows = np.zeros((len(values), arm.n))
-        rows[:, i] = values
+        rows = np.where(np.arange(arm.n) == i, values[:, None], 0.0)
         arm.check(rows, "special")
         room = ROUNDING if slides else ANGLE_TOL  # files say 1.5707 for 90 degrees
         folded = rows if ignore_limits else arm.fold(rows)

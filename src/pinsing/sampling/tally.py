@@ -83,8 +83,12 @@ def bin_edges() -> Array:
     return np.concatenate([[0.0], numbers.view(np.float64), [np.inf]])
 
 
+_POINT = {"index": np.int64, "sigma": np.float64, "ratio": np.float64}
+"""What is kept of one of the worst configurations."""
+
 _ARRAYS = (
-    *("counts", "value", "index", "worst_index", "worst_sigma", "worst_ratio"),
+    *("counts", "value", "index"),
+    *(f"worst_{name}" for name in _POINT),
     *(f"{name}_{part}" for name in MEASURES for part in ("bins", "counts")),
 )
 
@@ -96,7 +100,7 @@ class Tally:
     ``ratios`` the second value is a ratio of at most 1, else both may be infinite. Of ``done``
     configurations so many are ``singular`` and ``near``. ``histogram`` (2, BINS) is of sigma_r, and
     of the ratio that verdicts stand on; ``value`` and ``index`` (2, 2) have the least and largest
-    (columns) of both, and where; ``worst_*`` (k,) the worst few, smallest ratio first.
+    (columns) of both, and where; ``points`` (k,) are the worst few, smallest ratio first.
     """
 
     def __init__(self, worst: int, prefix: str = "", ratios: bool = True) -> None:
@@ -105,9 +109,7 @@ class Tally:
         self.histogram = np.zeros((2, BINS), dtype=np.int64)
         self.value = np.array([[np.inf, -np.inf], [np.inf, -np.inf]])
         self.index = np.full((2, 2), -1, dtype=np.int64)
-        self.worst_index = np.empty(0, dtype=np.int64)
-        self.worst_sigma = np.empty(0)
-        self.worst_ratio = np.empty(0)
+        self.points = np.empty(0, dtype=[*_POINT.items()])
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -125,8 +127,8 @@ class Tally:
         both = (last, ratio)
         seen = [count_values(row, bins) for row, bins in zip(both, self.histogram, strict=True)]
         ends = np.array([extremes for _, _, *extremes in seen])
-        full = len(self.worst_ratio) == self.worst
-        rows = np.flatnonzero(ratio <= self.worst_ratio[-1]) if full else np.arange(len(ratio))
+        full, known = len(self.points) == self.worst, self.points["ratio"]
+        rows = np.flatnonzero(ratio <= known[-1]) if full else np.arange(len(ratio))
         if len(rows) > self.worst:  # no sorting of what cannot be among them
             rows = rows[ratio[rows] <= np.partition(ratio[rows], self.worst - 1)[self.worst - 1]]
         low, high, *_ = seen[1]
@@ -139,7 +141,7 @@ class Tally:
         """Everything as arrays, histograms without their empty bins."""
         arrays = [
             np.array([self.done, self.singular, self.near], dtype=np.int64),
-            *(self.value, self.index, self.worst_index, self.worst_sigma, self.worst_ratio),
+            *(self.value, self.index, *(self.points[name] for name in _POINT)),
         ]
         for row in self.histogram:
             arrays += [np.flatnonzero(row), row[row > 0]]
@@ -152,9 +154,7 @@ class Tally:
         for row, bins, counts in zip(self.histogram, part[6::2], part[7::2], strict=True):
             row[bins] += counts
 
-    def _join(
-        self, counts: Ints, value: Array, index: Ints, where: Ints, sigma: Array, ratio: Array
-    ) -> None:
+    def _join(self, counts: Ints, value: Array, index: Ints, *points: NDArray[Any]) -> None:
         """Take the numbers, the extremes and the worst of a part."""
         done, singular, near = counts.tolist()
         self.done += done
@@ -165,12 +165,8 @@ class Tally:
         taken = (better | first) & (index >= 0)
         self.value = np.where(taken, value, self.value)
         self.index = np.where(taken, index, self.index)
-        index = np.concatenate([self.worst_index, where])
-        sigma = np.concatenate([self.worst_sigma, sigma])
-        ratio = np.concatenate([self.worst_ratio, ratio])
-        order = np.lexsort((index, ratio))[: self.worst]
-        self.worst_index, self.worst_sigma = index[order], sigma[order]
-        self.worst_ratio = ratio[order]
+        worst = np.concatenate([self.points, np.rec.fromarrays(points, self.points.dtype)])
+        self.points = worst[np.lexsort((worst["index"], worst["ratio"]))[: self.worst]]
 
     def check(
         self,
@@ -465,12 +461,7 @@ def distributions(tally: Tally, locate: Locate) -> tuple[Distribution, Distribut
 
 def worst_points(tally: Tally, locate: Locate) -> tuple[WorstPoint, ...]:
     """The worst few, smallest ratio first."""
-    rows = zip(
-        tally.worst_index.tolist(),
-        tally.worst_sigma.tolist(),
-        tally.worst_ratio.tolist(),
-        strict=True,
-    )
     return tuple(
-        WorstPoint(i, locate(i), sigma, ratio, status_of(ratio)) for i, sigma, ratio in rows
+        WorstPoint(i, locate(i), sigma, ratio, status_of(ratio))
+        for i, sigma, ratio in tally.points.tolist()
     )
