@@ -781,6 +781,7 @@ def path_command(
     Example: pinsing path ur5 seam.csv --free roll --tool 0,0.05,0.15,45,0,0 --deg -o joints.csv
     """
     import numpy as np
+    import pinocchio as pin
 
     if feed is not None and not feed > 0:
         raise OptionError(f"--feed must be positive, got {feed:g}")
@@ -816,7 +817,9 @@ def path_command(
     if not emit_json(plan, json_target):
         emit_lines(plan.text(in_degrees(deg)))
         if plan.placement is not None:
-            frame = _typed(plan.placement.transform @ base_frame, deg)
+            made = plan.placement.transform @ base_frame
+            angles = pin.rpy.matrixToRpy(made[:3, :3]) * (180 / math.pi if deg else 1.0)
+            frame = ",".join(f"{x + 0.0:.6g}" for x in (*made[:3, 3], *angles.round(9)))
             emit_lines(f"  The poses are then in --base-frame {frame}")
     if plan.reason:
         return 1
@@ -841,14 +844,6 @@ def path_command(
 
         save_figure(path_sheet(plan, form), plot)
     return 0
-
-
-def _typed(T: Array, degrees: bool) -> str:
-    """A pose (4, 4) as `_frame` reads it."""
-    import pinocchio as pin
-
-    angles = pin.rpy.matrixToRpy(T[:3, :3]) * (180 / math.pi if degrees else 1.0)
-    return ",".join(f"{x + 0.0:.6g}" for x in (*T[:3, 3], *angles.round(9)))
 
 
 @command("line")

@@ -268,15 +268,6 @@ def _named_poses(arm: Arm, **more: Array) -> Iterator[tuple[str, Array]]:
 
 
 @dataclass(frozen=True, eq=False)
-class Special:
-    """A configuration that people ask about first."""
-
-    name: str  # ``zero``, ``mid-range``, the description's, or ``given 1``
-    state: State
-    near: Clearance | None  # None where no family has a real point
-
-
-@dataclass(frozen=True, eq=False)
 class Content:
     """All that a report of an arm says."""
 
@@ -285,7 +276,9 @@ class Content:
     forms: ClosedForm  # with what became of the search for a certificate
     # one a family that shows it well, where it is singular; within limits if possible
     poses: tuple[tuple[Arm, State] | None, ...]
-    special: tuple[Special, ...]
+    # configurations that people ask about first, by name: ``zero``, ``mid-range``, the
+    # description's, ``given 1``; without a clearance where no family has a real point
+    special: dict[str, tuple[State, Clearance | None]]
     clearest: Suggestion | None  # None without families
 
 
@@ -326,10 +319,10 @@ def gather(
         info=describe(arm),
         forms=forms,
         poses=tuple(_pose(arm, f, forms.families) for f in forms.families),
-        special=tuple(
-            Special(name, at(arm, q), clearance(forms, q, certify=True) if real else None)
+        special={
+            name: (at(arm, q), clearance(forms, q, certify=True) if real else None)
             for name, q in asked.items()
-        ),
+        },
         clearest=clearest,
     )
 
@@ -526,9 +519,9 @@ def summary(c: Content, way: Trajectory | None) -> Section:
     ]
     header = ("", "avoid", "where it lies", "reachable")
     at_once = [
-        f"{text('At')} {name(s.name)} {text('the arm is')} {status_badge(s.state)}."
-        for s in c.special
-        if not s.name.startswith("clearest")
+        f"{text('At')} {name(key)} {text('the arm is')} {status_badge(state)}."
+        for key, (state, _) in c.special.items()
+        if not key.startswith("clearest")
     ]
     if c.clearest is not None:
         at_once.append(
@@ -727,14 +720,13 @@ def _family(
             f"{sentence('; '.join(m.words for m in pose[1].lost) or 'nothing is lost')}"
         )
         yield side_by_side(figure(picture, alt, "") for picture in pose_pictures(*pose))
-    n = family.n
+    n, free = family.n, family.n - family.codimension
+    few = {0: "single configurations", 1: "one joint motion stays free on it"}
+    extent = few.get(free, f"{free} joint motions stay free on it")
     facts = [
         ("kind", text(_kind(family))),
         ("reachable", badge(family.reach, _REACHED[family.reachability])),
-        (
-            "size",
-            text(f"codimension {family.codimension} of {n}: " + _extent(n - family.codimension)),
-        ),
+        ("size", text(f"codimension {family.codimension} of {n}: {extent}")),
         ("joints involved", ", ".join(name(j) for j in family.joints)),
     ]
     why, lost = _there(family, pose)
@@ -782,13 +774,6 @@ def _kind(family: Family) -> str:
     if not family.real:
         return "no real point known"
     return "; ".join(str(part) for part in family.kinds) if family.kind == "varies" else family.kind
-
-
-def _extent(dimension: int) -> str:
-    if dimension == 0:
-        return "single configurations"
-    free = "one joint motion stays" if dimension == 1 else f"{dimension} joint motions stay"
-    return f"{free} free on it"
 
 
 def sentence(words: str) -> str:
@@ -842,26 +827,24 @@ def words() -> Section:
 def special(c: Content) -> Section:
     """Verdicts at zero, mid-range and named configurations."""
     rows = []
-    for s in c.special:
-        outside = status_badge(s.state)
-        if s.state.outside:
-            outside += (
-                f"<br>{text('outside the limits of')} {', '.join(map(name, s.state.outside))}"
-            )
-        lost = "<br>".join(text(sentence(m.words)) for m in s.state.lost)
+    for key, (state, near) in c.special.items():
+        outside = status_badge(state)
+        if state.outside:
+            outside += f"<br>{text('outside the limits of')} {', '.join(map(name, state.outside))}"
+        lost = "<br>".join(text(sentence(m.words)) for m in state.lost)
         rows.append(
             (
-                name(s.name),
-                name(values(s.state.q, c.info.arm)),
+                name(key),
+                name(values(state.q, c.info.arm)),
                 outside,
-                text(f"{s.state.sigma_ratio:.2g}" if s.state.sigma_ratio > 1e-15 else "0"),
-                text(_distance(s.near)),
+                text(f"{state.sigma_ratio:.2g}" if state.sigma_ratio > 1e-15 else "0"),
+                text(_distance(near)),
                 lost or text("nothing"),
             )
         )
     header = ("", "joints (deg, m)", "verdict", "σ_min/σ_max", "nearest family", "lost there")
     usual = ("zero", "mid-range", "given", "clearest")
-    named = any(not s.name.startswith(usual) for s in c.special)
+    named = any(not key.startswith(usual) for key in c.special)
     none = "" if named else "The description names no home configuration."
     return section(
         "special",
@@ -1007,11 +990,11 @@ def arm_report(
             "clearest": None if content.clearest is None else content.clearest.to_dict(),
             "special": [
                 {
-                    "name": s.name,
-                    "state": s.state.to_dict(),
-                    "clearance": None if s.near is None else s.near.to_dict(),
+                    "name": key,
+                    "state": state.to_dict(),
+                    "clearance": None if near is None else near.to_dict(),
                 }
-                for s in content.special
+                for key, (state, near) in content.special.items()
             ],
             "zones": None if zones is None else zones.to_dict(),
         },
