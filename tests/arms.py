@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from pinsing.kinematics.jacobian import tip_placement
 from pinsing.robot.arm import Arm, Coupling
 from pinsing.robot.load import load
 
@@ -113,4 +114,9 @@ def told(arm: Arm) -> list[str]:
         for name, low, high, slides in rows
     ]
     notes = [f"note: {note}" for note in arm.notes]
-    return [f"{arm.name}, from {arm.base} to {arm.tip}", ", ".join(joints), *notes]
+    q = np.arange(1, arm.n + 1) / 10
+    place = tip_placement(arm, q)
+    numbers = np.round([place.translation, *place.rotation.T[[0, 2]]], 4) + 0.0
+    at, x, z = (" ".join(f"{number:g}" for number in row) for row in numbers)
+    where = f"at 0.1, 0.2, ... the tip is at {at}, with its x along {x} and z along {z}"
+    return [f"{arm.name}, from {arm.base} to {arm.tip}", ", ".join(joints), where, *notes]

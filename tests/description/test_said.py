@@ -35,8 +35,8 @@ def said(file: Path, given: str | bytes) -> str:
             place = [error.path or "URDF text", *[error.line] * (error.line is not None)]
             assert line.startswith(":".join(map(str, place)))
         return line.replace(f"{file.parent}/", "").replace(str(file.parent), "FOLDER")
-    shapes = len(read_links(arm).geometry.geometryObjects)
-    return "\n".join([*told(arm), f"shapes: {shapes}"])
+    shapes = getattr(read_links(arm).geometry, "geometryObjects", ())
+    return "\n".join([*told(arm), f"shapes: {len(shapes)}"])
 
 
 @pytest.mark.parametrize(
