@@ -21,7 +21,6 @@ from urdf_text import five_bar
 from pinsing.errors import OptionError, PinsingError
 from pinsing.loops import (
     InfeasibleError,
-    MechanismAnalysis,
     analyze_mechanism,
     assemblies,
     curves,
@@ -30,14 +29,18 @@ from pinsing.loops import (
     follow,
     home,
     input_output,
+    joint_forms,
     leg_form,
     loop_forms,
     mechanism_at,
+    mechanism_map,
     motions,
+    pose_forms,
     ranks,
     refine,
     residual,
     solve,
+    working_modes,
 )
 from pinsing.loops.closure import Loops, gauss_newton, planar_dyad, random_closed
 from pinsing.loops.motion import elbow_sines
@@ -363,15 +366,38 @@ def test_refine_does_not_pretend():
     assert point.ratio > 1e-3
 
 
-def test_analysis_prints_and_survives_json():
+def test_an_analysis_is_printed():
     found = analyzed("five_bar")
-    text = str(found)
     said = ("2 degrees of freedom", "assembly +, elbows -+", "2.245665314", "end of the range")
-    assert [x for x in said if x not in text] == []
-    again = MechanismAnalysis.from_json(found.to_json())
-    assert str(again) == text
-    np.testing.assert_array_equal(again.state.q, found.state.q)
+    assert [x for x in said if x not in str(found)] == []
     assert all(c.passed for c in found.checks)
+
+
+def few_drawn(mechanism):
+    return mechanism_map(mechanism, count=100)
+
+
+@pytest.mark.parametrize(
+    ("compute", "given"),
+    [
+        (analyzed, "five_bar"), (joint_forms, shipped("gough_stewart")),
+        (pose_forms, shipped("gough_stewart")), (pose_forms, shipped("rus6")),
+        (loop_forms, shipped("five_bar")), (working_modes, shipped("planar_3rrr")),
+        (few_drawn, shipped("planar_3rpr")),
+    ],
+    ids=["analysis", "joints", "pose", "determinants", "inputs", "modes", "map"],
+)  # fmt: skip
+def test_results_survive_json(compute, given, rng):
+    found = compute(given)
+    again = type(found).from_json(found.to_json())
+    assert str(again) == str(found)
+    assert again.to_json() == found.to_json()
+    # Equations are kept as numbers, not as text alone.
+    for one, other in zip(*(getattr(x, "loci", ()) for x in (found, again)), strict=True):
+        if one.equation is not None:
+            names = getattr(one.equation, "names", ()) or one.equation.joints
+            x = rng.normal(size=(3, len(names)))
+            np.testing.assert_array_equal(other.equation(x), one.equation(x))
 
 
 def test_loops_that_never_close_are_said():

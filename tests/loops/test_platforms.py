@@ -28,7 +28,7 @@ from tiers import tiered
 from urdf_text import J, X, Y, frame
 
 import pinsing
-from pinsing.loops import PoseForms, joint_forms, mechanism_at, pose_forms, ranks, refine
+from pinsing.loops import joint_forms, mechanism_at, pose_forms, ranks, refine
 from pinsing.loops.closure import random_closed, residual, without_length
 from pinsing.loops.legs import rods
 from pinsing.loops.pose_loci import locus_distance
@@ -273,11 +273,8 @@ def test_a_rod_without_length_is_an_error(tmp_path):
 @pytest.mark.slow
 def test_what_is_written_of_determinants(tmp_path):
     forms = pose_forms(six(tmp_path, "pus", 0))
-    again = PoseForms.from_json(forms.to_json())
-    assert str(again) == str(forms)
     two = forms.loci[0].equation
     x = np.random.default_rng(2).normal(size=(3, len(two.names)))
-    np.testing.assert_allclose(again.loci[0].equation(x), two(x))
     assert two.entries(x).shape == (3, 6, 6)
     assert two.degree(("q3",)) == 1
     assert set(two.used) == set(two.names)

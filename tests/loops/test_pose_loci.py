@@ -21,7 +21,7 @@ from tiers import tiered_rows
 from urdf_text import J, X, frame, row
 
 import pinsing
-from pinsing.loops import PoseForms, pose_forms
+from pinsing.loops import pose_forms
 from pinsing.loops.legs import most_assemblies, why_no_rods
 
 
@@ -38,7 +38,9 @@ def test_fichters_turn_by_90_degrees_is_found_by_itself(rng):
             values = np.abs(equation_values(forms, rows))
             assert (values < 1e-12).all() == singular
     # Level, only the plane of the base is singular.
-    assert [str(x.equation) for x in pose_forms(shipped("gough_stewart")).level] == ["z = 0"]
+    (level,) = pose_forms(shipped("gough_stewart")).level
+    assert str(level.equation) == "z = 0"
+    assert "sqrt(3)" not in level.equation.coefficients
 
 
 def test_architecture_singularities_are_named():
@@ -71,14 +73,6 @@ def test_rows_that_leave_type_1_of_hinged_legs_open_are_said(tmp_path):
     forms = pose_forms(rps(tmp_path, base, hinges, 0.5 * base, "vx, vy, vz, wx, wy, wz"))
     assert not forms.complete
     assert any("type 1 is not in these equations" in x for x in forms.notes)
-
-
-def test_forms_survive_json():
-    forms = pose_forms(shipped("gough_stewart"))
-    again = PoseForms.from_json(forms.to_json())
-    assert str(again) == str(forms)
-    assert "sqrt(3)" not in forms.level[0].equation.coefficients
-    np.testing.assert_array_equal(again.loci[0].equation.powers, forms.loci[0].equation.powers)
 
 
 @pytest.mark.slow

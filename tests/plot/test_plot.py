@@ -100,6 +100,7 @@ def test_curves_are_of_the_sweep_and_true_zeros_alone_are_marked(name, moving, s
         assert sigma_ratio(arm, at_values(result.plan.nominal, j, x)).max(initial=0) < 1e-9
         zeros += len(x)
     assert zeros > 1
+    assert not list(lines)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("joint angle [rad]", r"$\sigma_{\min}$")
     said = ax.get_legend().get_title().get_text()
     assert "rests at" in said
