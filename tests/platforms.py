@@ -21,13 +21,6 @@ def unit(v):
     return v / np.linalg.norm(v, axis=-1, keepdims=True)
 
 
-def rotation(e):
-    """Of a unit quaternion, by its own formula."""
-    w, v = e[0], np.array(e[1:])
-    K = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
-    return np.eye(3) + 2 * w * K + 2 * K @ K
-
-
 def turned(axis, angle):
     return pin.AngleAxis(float(angle), axis).matrix()
 
@@ -36,13 +29,8 @@ def turned_in_plane(angle):
     return turned(np.eye(3)[2], angle)[:2, :2]
 
 
-def pluecker(a, b):
-    """Lines through two points each: direction and moment about the origin."""
-    return np.concatenate([b - a, np.cross(a, b)], axis=-1)
-
-
 def lines_in_plane(a, b):
-    """The same of points (N, 2) in a plane (N, 3)."""
+    """Lines through two points each (N, 2): direction and moment about the origin (N, 3)."""
     return np.column_stack([b - a, a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]])
 
 
@@ -59,15 +47,6 @@ def circle(axis, arm):
 def changes(values):
     """How often they change their sign."""
     return int((np.sign(values[1:]) != np.sign(values[:-1])).sum())
-
-
-def poses(count, rng):
-    """Positions and unit quaternions."""
-    out = []
-    for _ in range(count):
-        e = unit(rng.normal(size=4))
-        out.append((rng.uniform(-1, 1, 3), e))
-    return out
 
 
 def named(at, e):
