@@ -37,15 +37,18 @@ def arm(request) -> Arm:
     return pinsing.load(name, tip=tip)
 
 
-def test_equals_pinocchio(arm, rng):
+def test_equals_pinocchio_and_its_derivative_finite_differences(arm, rng):
     Q = draw(arm, rng, 20)
     J = kinematics.frame_jacobians(arm, Q)
     assert J.shape == (20, 6, arm.n)
     assert kinematics.frame_jacobians(arm, Q[:0]).shape == (0, 6, arm.n)
     np.testing.assert_allclose(J, [pinocchio_jacobian(arm, q) for q in Q], atol=1e-12)
-    np.testing.assert_allclose(kinematics.frame_jacobian(arm, Q[3]), J[3], atol=1e-13)
+    one = kinematics.frame_jacobian(arm, Q[3])
+    np.testing.assert_allclose(one, J[3], atol=1e-13)
     loop = kinematics.frame_jacobians(arm, Q, engine="pinocchio")
-    np.testing.assert_array_equal(kinematics.frame_jacobian(arm, Q[3]), loop[3])
+    np.testing.assert_array_equal(one, loop[3])
+    numeric = differences(lambda x: kinematics.frame_jacobian(arm, x), Q[3], 1e-5)
+    np.testing.assert_allclose(kinematics.jacobian_derivative(one), numeric, atol=2e-9)
 
 
 @pytest.mark.parametrize(
@@ -64,14 +67,6 @@ def test_task_rows_and_length_scale(rng, task, rows):
     np.testing.assert_allclose(kinematics.task_jacobian(arm, Q[1]), J[1, rows], atol=1e-13)
     sigma = np.linalg.svd(J[:, rows], compute_uv=False)
     np.testing.assert_allclose(kinematics.singular_values(arm, Q), sigma, atol=1e-14)
-
-
-def test_derivative_against_finite_differences(arm, rng):
-    q = draw(arm, rng, 1)[0]
-    H = kinematics.jacobian_derivative(kinematics.frame_jacobian(arm, q))
-    assert H.shape == (6, arm.n, arm.n)
-    numeric = differences(lambda x: kinematics.frame_jacobian(arm, x), q, 1e-5)
-    np.testing.assert_allclose(H, numeric, atol=2e-9)
 
 
 @pytest.mark.slow
@@ -388,20 +383,11 @@ def test_sweep_map_and_guard_take_it(ur5, form):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("words", "code", "said"),
-    [
-        ("families puma560 -v --tool-axis z", 0, "tool's own z"),
-        ("families puma560 -v --task tool-axis", 0, "tool's own z"),
-        ("families puma560 -v --task tool-axis --tool-axis z", 0, "tool's own z"),
-        ("at ur5 --q 0,0,0,0,0,0 --task vx@tip,wy@tip", 0, "task vx@tip,wy@tip"),
-        ("families ur5 --task pose --tool-axis x", 2, "error: "),
-        ("families ur5 --tool-axis q", 2, "error: "),
-    ],
-)
-def test_the_command_line_takes_it(words, code, said):
-    done = run(*words.split())
-    assert (done.exit_code, said in done.stdout + done.stderr) == (code, True)
+def test_the_command_line_takes_it():
+    how = "--tool-axis z", "--task tool-axis", "--task tool-axis --tool-axis z"
+    said = {run("families", "puma560", "-v", *words.split()).stdout for words in how}
+    assert len(said) == 1
+    assert "tool's own z" in said.pop()
 
 
 def test_the_command_for_welders_keeps_where_the_tool_points() -> None:

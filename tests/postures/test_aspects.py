@@ -98,69 +98,52 @@ def test_bad_input():
         pinsing.connect(form, [0.1] * 6, [0.2] * 6, of=aspects_of("ur5", False))
 
 
-def there_and_back(arm, path):
-    """How far the ends of a path are from each other, whole turns aside: they reach one pose."""
-    first, last = (tip_placement(arm, q).homogeneous for q in (path[0], path[-1]))
-    assert np.abs(first - last).max() < 1e-9
-    return np.abs(arm.space.wrap(path[-1] - path[0])).max()
+def orthogonal(d2, d3, d4, r2):
+    """Three orthogonal axes (Wenger)."""
+    return dh_arm([(-90, d2, 0), (90, d3, r2), (0, d4, 0)], task="position")
 
 
-@pytest.mark.parametrize("rows", [CRX, _slow(GOFA)])
-def test_offset_wrists_are_cuspidal(rows):
-    arm = dh_arm(rows)
-    found = pinsing.cuspidality(arm, poses=3)
-    assert (found.answer, found.proven) == ("cuspidal", True)
-    assert not any("certificate" in n or "practically singular" in n for n in found.notes)
-    path = found.witness.path
-    assert there_and_back(arm, path) > 1e-3
-    signs = signs_of_det(arm, path, 10_000 // len(path))
-    assert (signs == signs[0]).all()
+ROUNDED = (-90, 0, 0), (0, 1, 0.2), (-90, 0.02, 0), (90, 0, 1), (-90, 1.0e-9, 0), (0, 0, 0)
+# SO-100 reaches over its own base: over the top no rank is lost, the elbow stays.
+FIVE = "with 5 joints regular means rank 5", "rests on numbers", "of the arm itself"
+CUSPIDALITY = [
+    (CRX, 3, "cuspidal", True, 2, 8, ()), _slow(GOFA, 3, "cuspidal", True, 2, 8, ()),
+    _slow(ROUNDED, 5, "cuspidal", True, 2, 8, ("practically singular", "not cuspidal")),
+    ((1, 2, 1.5, 1), 20, "cuspidal", True, 2, 4, ()),
+    _slow((1, 2, 0.2, 1), 20, "not cuspidal", True, 2, 2, ()),
+    _slow((1, 2, 0.1, 1), 20, "not cuspidal", True, 2, 2, ()),
+    _slow((1, 2, 1.5, 0), 20, "not cuspidal", True, 4, 4, ()),
+    ("ur5", 4, "not cuspidal", True, 8, 8, ("3 signs",)),
+    _slow("puma560", 4, "not cuspidal", True, 8, 8, ("3 signs",)),
+    _slow("irb1400", 4, "not cuspidal", True, 8, 8, ("3 signs",)),
+    ("so101", 2, "no evidence", False, 2, 2, ()), _slow("so100", 3, "cuspidal", True, 2, 4, FIVE),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(
-    ("lengths", "answer", "aspects", "most"),
-    [
-        ((1, 2, 1.5, 1), "cuspidal", 2, 4), _slow((1, 2, 0.2, 1), "not cuspidal", 2, 2),
-        _slow((1, 2, 0.1, 1), "not cuspidal", 2, 2),
-        _slow((1, 2, 1.5, 0), "not cuspidal", 4, 4),
-    ],
-)  # fmt: skip
-def test_orthogonal_arms(lengths, answer, aspects, most):
-    """Three orthogonal axes (Wenger): d2, d3, d4, r2."""
-    d2, d3, d4, r2 = lengths
-    arm = dh_arm([(-90, d2, 0), (90, d3, r2), (0, d4, 0)], task="position")
-    found = pinsing.cuspidality(arm, poses=20)
-    assert (found.answer, found.aspects) == (answer, aspects)
-    assert found.most_solutions <= most
-
-
-@pytest.mark.parametrize("name", ["ur5", _slow("puma560"), _slow("irb1400")])
-def test_classic_arms_are_never_called_cuspidal(name):
-    found = pinsing.cuspidality(arm_of(name), forms=form_of(name), poses=4)
-    assert (found.answer, found.proven) == ("not cuspidal", True)
-    assert not any("certificate" in n for n in found.notes)
-    assert "3 signs" in found.reason
-    assert (found.most_solutions, found.witness) == (8, None)
-
-
-def test_where_no_theorem_is_known_nothing_is_claimed():
-    found = pinsing.cuspidality(arm_of("so101"), forms=form_of("so101"), poses=2)
-    assert (found.answer, found.proven) == ("no evidence", False)
-
-
-@pytest.mark.slow
-def test_an_arm_of_five_joints_says_what_its_answer_rests_on():
-    """SO-100 reaches over its own base: over the top no rank is lost, the elbow stays."""
-    arm = arm_of("so100")
-    found = pinsing.cuspidality(arm, forms=form_of("so100"), poses=3)
-    assert found.answer == "cuspidal"
-    path = found.witness.path
-    assert there_and_back(arm, path) > 1
-    assert pinsing.singular_values(arm, along(path, 2000))[:, 4].min() > 1e-5
-    said = " ".join(found.notes)
-    for words in ("with 5 joints regular means rank 5", "rests on numbers", "of the arm itself"):
-        assert words in said
-    assert "no certificate" not in said
+    ("given", "poses", "answer", "proven", "aspects", "most", "said"), CUSPIDALITY
+)
+def test_cuspidality(given, poses, answer, proven, aspects, most, said):
+    named, point = isinstance(given, str), len(given) == 4
+    arm = arm_of(given) if named else orthogonal(*given) if point else dh_arm(given)
+    found = pinsing.cuspidality(arm, poses=poses, forms=form_of(given) if named else None)
+    assert (found.answer, found.proven, found.aspects) == (answer, proven, aspects)
+    assert found.most_solutions == most
+    words = " ".join((found.reason, *found.notes))
+    assert all(part in words for part in said)
+    assert "certificate" not in words
+    assert ("practically singular" in words) == (given is ROUNDED) == (found.least_ratio < 1e-5)
+    assert (found.witness is None) == (answer != "cuspidal")
+    if found.witness is not None:
+        path = found.witness.path
+        first, last = (tip_placement(arm, q).homogeneous for q in (path[0], path[-1]))
+        reached = (slice(3), 3) if point else ...
+        assert np.abs(first[reached] - last[reached]).max() < 1e-9
+        apart = np.abs(arm.space.wrap(path[-1] - path[0])).max()
+        assert apart > (1 if given == "so100" else 1e-3)
+        least = pinsing.singular_values(arm, along(path, 10_000 // len(path)))[:, -1].min()
+        assert (least > 1e-5) == (given is not ROUNDED)
+        assert given == "so100" or len({*signs_of_det(arm, path, 10_000 // len(path))}) == 1
 
 
 @pytest.mark.slow
@@ -329,16 +312,6 @@ def test_aspects_of_another_arm_are_refused():
     again = pinsing.closed_form(replace(arm_of("ur5")))
     assert again is not form_of("ur5")
     assert pinsing.connect(again, *ends, of=of).answer == "same"
-
-
-@pytest.mark.slow
-def test_an_arm_that_rounding_made_cuspidal():
-    rows = (-90, 0, 0), (0, 1, 0.2), (-90, 0.02, 0), (90, 0, 1), (-90, 1.0e-9, 0), (0, 0, 0)
-    found = pinsing.cuspidality(dh_arm(rows), poses=5)
-    assert (found.answer, found.proven) == ("cuspidal", True)
-    assert found.least_ratio < 1e-5
-    (said,) = [n for n in found.notes if "practically singular" in n]
-    assert "not cuspidal" in said
 
 
 @pytest.mark.slow

@@ -111,33 +111,30 @@ def nodes(arm, j, limits, cells):
     return -math.pi + 0.0123 + np.arange(cells + 1) * 2 * math.pi / cells, True
 
 
-def kinds(form, joints, axes):
-    """One number for all signs and ranges, for each node of the grid."""
-    count = math.ceil(math.prod(map(len, axes)) / 200_000)
-    parts = np.array_split(axes[0], count)
-    return np.concatenate([slab(form, joints, [x, *axes[1:]]) for x in parts])
-
-
-def slab(form, joints, axes):
-    """The same for some of the grid, so that it has room."""
+def codes(form, q, joints):
+    """On which side of each family that separates q (..., n) is: signs, and turns past values."""
     equations, values = cuts(form)
-    mesh = np.meshgrid(*axes, indexing="ij")
-    q = np.zeros((*mesh[0].shape, form.arm.n))
-    for j, x in zip(joints, mesh, strict=True):
-        q[..., j] = x
-    kind = np.zeros(mesh[0].shape, dtype=np.int64)
-    for equation in equations:
-        if set(equation.involved) <= set(joints):
-            value = np.asarray(equation(q))
-            assert (value != 0).all()
-            kind = 2 * kind + (value > 0)
-    for j, x in zip(joints, mesh, strict=True):
-        between = np.zeros(x.shape, dtype=np.int64)
+    found = [e(q) for e in equations if {*e.involved} <= {*joints}]
+    assert all((value != 0).all() for value in found)
+    found = [value > 0 for value in found]
+    for j in joints:
         for v in values.get(j, ()):
-            below = x > v if form.arm.prismatic[j] else np.floor((x - v) / (2 * math.pi))
-            between += np.asarray(below, dtype=np.int64)
-        kind = 64 * kind + between + 16
-    return kind
+            x = q[..., j] - v
+            found.append(x > 0 if form.arm.prismatic[j] else np.floor(x / (2 * math.pi)))
+    return np.stack(found, axis=-1).astype(np.int64)
+
+
+def kinds(form, joints, axes):
+    """One number for all of these, for each node of the grid: some nodes at a time."""
+    count = math.ceil(math.prod(map(len, axes)) / 200_000)
+    found = []
+    for part in np.array_split(axes[0], count):
+        mesh = np.meshgrid(part, *axes[1:], indexing="ij")
+        q = np.zeros((*mesh[0].shape, form.arm.n))
+        q[..., joints] = np.stack(mesh, axis=-1)
+        code = codes(form, q, joints)
+        found.append((code + 2) @ 8 ** np.arange(code.shape[-1]))
+    return np.concatenate(found)
 
 
 def components(kind, rings):
@@ -183,17 +180,6 @@ ARMS = [
 OBLONG = "so100", "so101", "iiwa14", "surgical7", "planar3r", "scara"
 
 
-def sides(form, q):
-    """For each family that separates, its sign at q (K, n), whole turns aside."""
-    equations, values = cuts(form)
-    found = [np.sign(e(q)) for e in equations]
-    for j, every in values.items():
-        for v in every:
-            x = q[:, j] - v
-            found.append(np.sign(x if form.arm.prismatic[j] else np.sin(x / 2)))
-    return np.array(found).T
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in ARMS if name not in OBLONG])
 def test_the_sign_of_the_determinant_is_that_of_the_families(name):
@@ -206,7 +192,7 @@ def test_the_sign_of_the_determinant_is_that_of_the_families(name):
     rows = list(arm.task.rows)
     of_det = np.sign([np.linalg.det(pinocchio_jacobian(arm, x)[rows]) for x in q])
     known = {}
-    for side, sign in zip(map(tuple, sides(form, q)), of_det, strict=True):
+    for side, sign in zip(map(tuple, codes(form, q, range(arm.n))), of_det, strict=True):
         assert known.setdefault(side, sign) == sign
     assert set(known.values()) == {-1.0, 1.0}
 
