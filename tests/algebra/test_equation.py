@@ -10,7 +10,7 @@ from printed import value_of
 from singular_sets import RIGHT, Array, arm_of, closed, random_form, terms
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.equation import equation, fourier
+from pinsing.algebra.equation import System, equation, fourier
 from pinsing.algebra.ring import Poly, Ring, make_ring
 from pinsing.families import Equation
 from pinsing.families.zero_set import fix_joint, never_zero, proven_empty
@@ -126,6 +126,11 @@ def test_an_equation_is_its_polynomial(seed: int) -> None:
     np.testing.assert_allclose(e.gradient(q.reshape(2, 20, 4)), numeric, atol=1e-7 * size)
     assert (e(q.reshape(2, 20, 4)).shape, e(q[0]).shape) == ((2, 20), ())
     assert np.isfinite(e.gradient(np.zeros((1, 4)))).all()
+    every = e, equation(random_form(ring, rng, (2, 1, 0, 3), 9), ring, names, offset)
+    values = np.stack([f(q) / f.unit for f in every], axis=-1)
+    slopes = np.stack([f.gradient(q) / f.unit for f in every], axis=-2)
+    for found, wanted in ((System(every).values, values), (System(every).gradients, slopes)):
+        assert np.abs(found(q) - wanted).max() < 1e-13 * np.abs(wanted).max()
     left, right = e.text().split(" = ")
     assert right == "0"
     # Six digits of each coefficient, four decimals of a degree in each angle.

@@ -103,21 +103,16 @@ def test_printed_values_are_singular_and_others_are_not(name: str) -> None:
         left = ratios(arm, beside)[clear]
         assert np.median(left) > 1e-3
         assert left.min() > 1e-9
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["crx", "panda"])
-def test_there_are_no_other_values(name: str) -> None:
-    _, equation, one = long_ones(form_of(name))[0]
-    grid = np.linspace(-np.pi, np.pi, 721)
-    for q in np.random.default_rng(8).uniform(-np.pi, np.pi, (40, len(equation.joints))):
-        Q = np.tile(q, (len(grid), 1))
-        Q[:, equation.joints.index(one.joint)] = grid
-        f = equation(Q)
-        crossed = grid[:-1][f[:-1] * f[1:] < 0]
-        assert len(crossed) == 2
-        off = values_of(equation, one, q) - crossed[:, None]
-        assert (np.abs(np.sin(off / 2)).min(axis=1) < np.sin(0.01)).all()
+        # And there are no other values.
+        grid = np.linspace(-np.pi, np.pi, 721)
+        for q in Q[:: 60 if name == "odd" else 8]:
+            whole = np.tile(q, (len(grid), 1))
+            whole[:, joint] = grid
+            f = equation(whole)
+            crossed = grid[:-1][f[:-1] * f[1:] < 0]
+            off = values_of(equation, one, q) - crossed[:, None]
+            assert len(crossed) == 2
+            assert (np.abs(np.sin(off / 2)).min(axis=1) < np.sin(0.01)).all()
 
 
 @pytest.mark.parametrize("name", sampled(["crx", "gofa", "odd", "panda", "ur5", "z1"]))

@@ -95,28 +95,20 @@ def test_with_numbers_put_in_it_is_the_numeric_answer(name, rng):
     assert not any(on(form, q, lengths) for q in arm.space.sample(10, rng))
 
 
-@pytest.mark.parametrize("name", tiered(["puma560", "ur", "scara"], ()))
-def test_what_is_singular_everywhere_is_so(name, rng):
-    form = form_of(name)
-    table = read_dh(TABLES[name])
-    told = [zeros(c) for c in form.changes if c.kind == "singular everywhere"]
-    assert told
-    for some in dict.fromkeys([*told, *(frozenset([symbol]) for symbol in form.symbols)]):
-        lengths = {**random_lengths(form, rng), **dict.fromkeys(some, 0.0)}
-        rank = generic_rank(with_numbers(table, lengths))
-        assert (rank < form.generic_rank) == (some in told), some
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("name", tiered(["planar 4R", "stanford", "puma560"], {"stanford"}))
-def test_lengths_that_are_zero_at_once(name, tmp_path, rng):
+@pytest.mark.parametrize(
+    "name", tiered(["planar 4R", "stanford", "puma560", "ur", "scara"], {"stanford"})
+)
+def test_what_is_singular_everywhere_is_so_and_nothing_else(name, tmp_path, rng):
+    """Lengths that are zero, up to three at once."""
     path, task = tmp_path / "planar4.dh.yaml", "vx,vy"
     path.write_text(dh_text([(0, a, 0) for a in (0.4, 0.3, 0.2, 0.1)]))
     if name != "planar 4R":
         path, task = TABLES[name], "pose"
     form = pinsing.closed_form(pinsing.load(path, task=task), symbols=True, seconds=LONG)
     told = [zeros(c) for c in form.changes if c.kind == "singular everywhere"]
-    assert len(told) == len(set(told))
+    assert len(told) == len(set(told)) > 0 or name == "stanford"
+    assert all(len(some) < 4 for some in told)
     assert len(told) == 4 or name != "planar 4R"
     table, lengths = read_dh(path), random_lengths(form, rng)
     for size in (1, 2, 3):

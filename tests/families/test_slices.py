@@ -52,21 +52,25 @@ def short(kept, prime, x, y):
     return field.ranks(field.jacobians(kept.maker.geometry, range(6), points), prime) < 6
 
 
+def every_point(chain, n, chosen):
+    """Singular points that are met of a slice, in a set, and all its points, x and y (n, N)."""
+    met = np.concatenate(chain.singular(chosen, random.Random(3)))
+    draw, values = random.Random(3), [chain.every(j) for j in range(n)]
+    at = [draw.randrange(len(v[0])) for v in values]
+    axes = [range(len(v[0])) if j in chosen else [at[j]] for j, v in enumerate(values)]
+    index = np.stack([i.ravel() for i in np.meshgrid(*axes, indexing="ij")])
+    x, y = (np.stack([v[k][i] for v, i in zip(values, index, strict=True)]) for k in (0, 1))
+    return {tuple(p) for p in met.T.tolist()}, x, y
+
+
 @pytest.mark.parametrize("prime", [23, 47])
 @pytest.mark.parametrize("chosen", [(3,), (1, 3), (4, 5), (1, 2, 5)])
 def test_all_singular_points_of_a_slice_are_met_and_no_others(kept, prime, chosen):
     if len(chosen) == 3 and prime > 23:
         chosen = chosen[:2]
-    chain = ModularChain(kept.maker.geometry, kept.task, prime)
-    x, y = chain.singular(chosen, random.Random(3))
-    draw, values = random.Random(3), [chain.every(j) for j in range(7)]
-    at = [draw.randrange(len(v[0])) for v in values]
-    axes = [range(len(v[0])) if j in chosen else [at[j]] for j, v in enumerate(values)]
-    index = np.stack([i.ravel() for i in np.meshgrid(*axes, indexing="ij")])
-    every = [np.stack([v[k][i] for v, i in zip(values, index, strict=True)]) for k in (0, 1)]
-    singular = np.concatenate(every)[:, short(kept, prime, *every)]
-    expected = {tuple(p) for p in singular.T.tolist()}
-    assert {tuple(p) for p in np.concatenate([x, y]).T.tolist()} == expected
+    met, x, y = every_point(ModularChain(kept.maker.geometry, kept.task, prime), 7, chosen)
+    singular = np.concatenate([x, y])[:, short(kept, prime, x, y)]
+    assert met == {tuple(p) for p in singular.T.tolist()}
 
 
 def test_all_points_lie_on_complete_families_and_one_less_is_noticed(kept, given):
@@ -205,23 +209,17 @@ TASKS = [
 def test_rows_lose_rank_at_all_points_of_a_slice_that_are_met_and_no_others(robot, task, chosen):
     arm, prime = pinsing.load(robot, task=task), 23
     geometry = nominal(arm)
-    chain = ModularChain(geometry, arm.task, prime)
-    x, y = chain.singular(chosen, random.Random(3))
-    draw, values = random.Random(3), [chain.every(j) for j in range(arm.n)]
-    at = [draw.randrange(len(v[0])) for v in values]
+    met, *points = every_point(ModularChain(geometry, arm.task, prime), arm.n, chosen)
     expected = set()
-    for picked in itertools.product(*(range(len(values[j][0])) for j in chosen)):
-        for j, k in zip(chosen, picked, strict=True):
-            at[j] = k
-        point = [(int(v[0][k]), int(v[1][k])) for v, k in zip(values, at, strict=True)]
+    for x, y in zip(*(p.T.tolist() for p in points), strict=True):
         exact = {
-            j: tuple(map(Fraction, p[: 1 if slides else 2]))
-            for j, (p, slides) in enumerate(zip(point, arm.prismatic, strict=True))
+            j: (Fraction(a),) if arm.prismatic[j] else (Fraction(a), Fraction(b))
+            for j, (a, b) in enumerate(zip(x, y, strict=True))
         }
-        rows = own_jacobian_modulo(geometry, arm.task, prime, draw, exact)
+        rows = own_jacobian_modulo(geometry, arm.task, prime, random.Random(1), exact)
         if nmod_mat(len(rows), arm.n, [*itertools.chain(*rows)], prime).rank() < len(rows):
-            expected.add(tuple(p[0] for p in point) + tuple(p[1] for p in point))
-    assert {(*a, *b) for a, b in zip(x.T.tolist(), y.T.tolist(), strict=True)} == expected
+            expected.add((*x, *y))
+    assert met == expected
 
 
 def test_slices_with_singular_points_and_lengths_that_are_zero():

@@ -149,22 +149,18 @@ WRONG = {
     ("chain", 1, "joint"): [6, -1, "0", None, 0.0],
     **{(*path, "more"): [1] for path in ((), ("chain", 0), ("families", 0), ("places", 0))},
     ("tip", "translation"): ["000"],
-    ("chain",): [[], None],
-    ("joints",): [[], [{"name": "q", "kind": "ball"}] * 6],
+    ("joints",): [[{"name": "q", "kind": "ball"}] * 6],
     ("joints", 0, "name"): [None],
     ("robot",): [1],
-    ("rank",): [True],
-    ("axes",): ["0", -1, 99, None, True, 1.0],
+    ("axes",): ["0", -1, 99, 1.0],
     **{
         (f"{lines}_steps",): [
-            {}, {"0": {"1": "1"}}, None, *([step] for step in (
+            *([step] for step in (
                 [0, 0, "1"], [0, 6, "1"], [-1, 0, "1"], [0, 1, "1x1"], [0, 1], [0, 1, 1],
             )),
         ]
         for lines in ("row", "column")
     },
-    ("square_roots",): [""],
-    ("families",): [{}],
     ("families", 0, "pivot"): [[[]]],
     ("families", 0, "least_codimension"): ["1", None, [], 10**30],
     ("families", 0, "multiples"): [[["10"]]],
