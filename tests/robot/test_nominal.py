@@ -3,12 +3,14 @@
 import math
 from dataclasses import replace
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from arms import CATALOGUE, draw, place, serial
 from batch_cases import reference_jacobian
+from golden import Golden
 from hypothesis import given, strategies as st
 from pinocchio.utils import rotate
 from tiers import sampled, tiered_rows
@@ -76,156 +78,122 @@ def snapped(joints, tip=None, count=50, **tolerances) -> tuple[Nominal, float]:
     return exact, check(arm, exact, draw(arm, np.random.default_rng(7), count))
 
 
-@pytest.mark.parametrize(
-    ("written", "quarter"),
-    [(1.5708, 1), (1.57, 1), (-1.5707963, -1), (3.14, 2), (3.1416, 2), (-1.571, -1), (0.0005, 0)],
-)
-def test_rounded_right_angles(written, quarter):
-    places = place((0, 0, 0.1)), place((0.4, 0, 0), rotate("x", written))
-    exact, seen = snapped(places, place((0.25, 0, 0.125)))
-    s = (0, 1, 0, -1)[quarter % 4]
-    c = (1, 0, -1, 0)[quarter % 4]
-    assert exact.rotation[1] == ((1, 0, 0), (0, c, -s), (0, s, c))
-    error = abs(written - quarter * math.pi / 2)
-    (snap,) = exact.snaps
-    assert (snap.what, snap.where) == ("angle", "j1 to j2")
-    assert snap.size == pytest.approx(error, rel=1e-6, abs=1e-15)
-    assert "rad" in str(snap)
-    assert not exact.exact
-    assert exact.translation == (
-        (0, 0, Fraction(1, 10)), (Fraction(2, 5), 0, 0), (Fraction(1, 4), 0, Fraction(1, 8)),
-    )  # fmt: skip
-    assert 0.1 * error < exact.jacobian_change < 4 * error
-    assert seen > 0.1 * error
-
-
-def test_angles_beyond_the_tolerance_stay():
-    angles = (0.0, math.pi / 2 + 2 * ANGLE_TOL)
-    places = [place((0.3, 0, 0), rotate("x", a)) for a in angles]
-    stays, _ = snapped(places)
-    (twist,) = stays.snaps
-    assert twist.what == "twist"
-    assert twist.size < 1e-11
-    assert stays.jacobian_change < 1e-10
-    (angle,) = snapped(places, angle_tol=3 * ANGLE_TOL)[0].snaps
-    assert (angle.what, angle.size) == ("angle", pytest.approx(2 * ANGLE_TOL))
-
-
-def test_what_files_have_is_read_as_written():
-    """Lengths keep their decimals, also where right angles have 11 digits or 1.5708."""
-    exact = nominal(load("panda"))
-    lengths = {abs(x) for t in exact.translation for x in t} - {0}
-    written = ("0.333", "0.316", "0.0825", "0.384", "0.088", "0.2104")
-    assert lengths == {Fraction(text) for text in written}
-    assert exact.exact
-    # -0.1197 + 0.13585 = 0.01615; tool0 sits 0.0823 beyond wrist 3.
-    lengths = {abs(x) for t in nominal(load("ur5")).translation for x in t} - {0}
-    written = ("0.089159", "0.13585", "0.1197", "0.425", "0.39225", "0.093", "0.09465", "0.0823")
-    assert {Fraction("0.425"), Fraction("0.39225")} <= lengths <= {Fraction(x) for x in written}
-    exact = nominal(load("xarm7"))
-    assert {s.what for s in exact.snaps} == {"angle"}
-    assert max(s.size for s in exact.snaps) == pytest.approx(3.673e-6, rel=1e-3)
-    assert by_quarter_turns(exact)
-    assert nominal(load("xarm7", length_scale=0.1)).jacobian_change > 2 * exact.jacobian_change
-    for name in ("stanford", "surgical7", "puma560", "irb1400", "iiwa14", "scara"):
-        exact = nominal(load(name))
-        assert (exact.exact, exact.snaps) == (True, ())
-        assert max(x.denominator for t in exact.translation for x in t) <= 10**5
-
-
-@pytest.mark.parametrize("tolerance", [ANGLE_TOL, 0.01])
-def test_angles_that_are_moved_move_no_length(tolerance):
-    """A calibrated arm: angles off by a milliradian, lengths with all their digits."""
-    R = [rotate("x", math.pi / 2 + 1.5e-3), rotate("y", -1e-3), np.eye(3)]
-    lengths = [(0.0, 0.0, 0.162712244574), (-0.425170344631, 1.23e-5, 0.0003519)]
-    lengths += [(0.0, -0.099603596358, 2.5e-6)]
-    exact, _ = snapped(map(place, lengths, R), place((0.0007, 0, 0.1)), angle_tol=tolerance)
-    assert exact.rotation[0] == ((1, 0, 0), (0, 0, -1), (0, 1, 0))
-    assert {s.what for s in exact.snaps} == {"angle"}
-    for found, written in zip(exact.translation, [*lengths, (0.0007, 0, 0.1)], strict=True):
-        assert found == tuple(Fraction(repr(float(x))) for x in written)
-    deviation = Deviation.of(exact.snaps)
-    assert (deviation.angle, deviation.length) == (pytest.approx(1.5e-3), 0.0)
-    assert "lengths as written" in str(deviation)
-
-
-def test_origins_stay_on_axes_that_are_turned():
-    """The origin slides along the axis as it is made, not as it was rounded."""
-    quarter = rotate("x", 1.5708)
-    places = [
-        place((0.1, 0, 0.2)), place((0, -0.0611, 0.0181), quarter),
-        place((0.1, 0.0611, 0.0181), (rotation("z", -177.2) @ quarter).T),
-    ]  # fmt: skip
-    exact, _ = snapped(places, place((0, 0, 0.1)))
-    digits = [len(f"{float(x):.15g}") for t in exact.translation[1:] for x in t]
-    assert max(digits) <= 8
-
-
-def test_snap_length():
-    """The 0.436 mm offset of an iiwa model: kept by default, gone on request."""
-    places = [
-        place((0, 0, 0.36)), place((-0.000436, 0, 0.42), rotation("x", 90)),
-        place((0.01, 0.4, 0), rotation("x", -90)),
-    ]  # fmt: skip
-    kept, _ = snapped(places, place((0, 0, 0.126)))
-    assert kept.translation[1][0] == Fraction(-436, 10**6)
-    assert kept.exact
-    assert not kept.snaps
-    gone, seen = snapped(places, place((0, 0, 0.126)), count=100, snap_length=1e-3)
-    assert gone.translation[1] == (0, 0, Fraction(42, 100))
-    assert gone.translation[2][0] == Fraction(1, 100)
-    (snap,) = gone.snaps
-    assert (snap.what, snap.where) == ("length", "j1 to j2")
-    assert snap.size == pytest.approx(0.000436)
-    assert " m " in str(snap)
-    assert 0.5 * 0.000436 < seen < 1.000001 * gone.jacobian_change < 3 * 0.000436
-
-
-def by_quarter_turns(exact: Nominal) -> bool:
-    return all(x.denominator == 1 for R in exact.rotation for row in R for x in row)
-
-
-@pytest.mark.parametrize("degrees", [45, -30, 17.3, 90, 135, 180])
-@pytest.mark.parametrize("at", [0, 1, 2])
-def test_a_turn_about_the_joints_own_axis_is_an_offset(degrees, at):
+def upright(degrees: float, at: int) -> list[pin.SE3]:
+    """Joints at right angles, one of which stands turned about its own axis."""
     turns = [rotation("x", 90 * (i > 0) - 180 * (i > 1)) for i in range(3)]
     turns[at] = turns[at] @ rotation("z", degrees)
-    places = [place((0.1 * i, 0, 0.3), R) for i, R in enumerate(turns)]
-    exact, _ = snapped(places, place((0.5, 0.2, 0)), count=20)
-    assert (exact.exact, exact.snaps) == (True, ())
-    assert by_quarter_turns(exact)
+    return [place((0.1 * i, 0, 0.3), R) for i, R in enumerate(turns)]
 
 
-@pytest.mark.parametrize("degrees", [15, -30, 45, 60, -75, 105, 135, 150, -165])
-@pytest.mark.parametrize("digits", [4, 16])
-def test_twists_of_fifteen_degrees_are_exact(degrees, digits):
-    R = rotate("x", round(math.radians(degrees), digits))
-    places = place((0, 0, 0.4)), place((0.1, 0, 0), R), place((0.2, 0, 0), rotation("x", -90))
-    exact, _ = snapped(places, place((0.3, 0, 0.08)), count=30)
-    c, s = cosine(degrees // 15), sine(abs(degrees) // 15)  # a half turn flips the sine
-    assert exact.rotation[1] == ((1, 0, 0), (0, c, -s), (0, s, c))
-    assert [s.what for s in exact.snaps] == ["angle"] * (digits == 4)
-
-
-@pytest.mark.parametrize(("tilt", "last"), [(0.9, 1.4e-9), (math.pi / 4 + 1e-6, 0.0)])
-def test_the_largest_angle_that_was_moved_is_told(tilt, last):
-    R = rotate("z", 1.1e-3) @ rotate("x", tilt) @ rotate("z", last)
-    exact, _ = snapped([place((0, 0, 0.4)), place((0.3, 0, 0.1), R)], place((0.2, 0, 0)))
-    assert Deviation.of(exact.snaps).angle == pytest.approx(1.1e-3, rel=1e-3)
-
-
-@pytest.mark.parametrize("axis", [(1, 0, 0), (0, -1, 0), (0, 0, -1), (-1, 0, 0), (0, 1, 0)])
-def test_axes_along_coordinates_stay_exact(axis):
-    axis = np.array(axis, dtype=float)
-    joints = [
+def along(axis: tuple[float, ...]) -> list[tuple[object, pin.SE3]]:
+    unit = np.array(axis, dtype=float)
+    return [
         (pin.JointModelRX(), place((0.1, 0.2, 0.3))),
-        (pin.JointModelRevoluteUnaligned(axis), place((0, 0.25, 0))),
-        (pin.JointModelPrismaticUnaligned(axis), place((0, 0.25, 0), rotation("y", 90))),
+        (pin.JointModelRevoluteUnaligned(unit), place((0, 0.25, 0))),
+        (pin.JointModelPrismaticUnaligned(unit), place((0, 0.25, 0), rotation("y", 90))),
         (pin.JointModelRY(), place((0.1, 0, 0))),
     ]
-    exact, _ = snapped(joints, place((0.3, 0, 0.1)), count=30)
-    assert (exact.exact, exact.snaps) == (True, ())
-    assert by_quarter_turns(exact)
+
+
+CALIBRATED = [
+    place((0.0, 0.0, 0.162712244574), rotate("x", math.pi / 2 + 1.5e-3)),
+    place((-0.425170344631, 1.23e-5, 0.0003519), rotate("y", -1e-3)),
+    place((0.0, -0.099603596358, 2.5e-6)),
+]
+IIWA = [
+    place((0, 0, 0.36)), place((-0.000436, 0, 0.42), rotation("x", 90)),
+    place((0.01, 0.4, 0), rotation("x", -90)),
+]  # fmt: skip
+ROUNDED = [
+    place((0.1, 0, 0.2)), place((0, -0.0611, 0.0181), rotate("x", 1.5708)),
+    place((0.1, 0.0611, 0.0181), (rotation("z", -177.2) @ rotate("x", 1.5708)).T),
+]  # fmt: skip
+FAR = [place((0.3, 0, 0), rotate("x", a)) for a in (0.0, math.pi / 2 + 2 * ANGLE_TOL)]
+TILTS = [(0.9, 1.4e-9), (math.pi / 4 + 1e-6, 0.0)]
+# Joints, the tip behind them, and tolerances.
+MADE = {
+    **{
+        f"a right angle written {x}": (
+            [place((0, 0, 0.1)), place((0.4, 0, 0), rotate("x", x))], (0.25, 0, 0.125), {},
+        )
+        for x in (1.5708, 1.57, -1.5707963, 3.14, 3.1416, -1.571, 0.0005)
+    },
+    "beyond the tolerance": (FAR, (0, 0, 0), {}),
+    "within a larger tolerance": (FAR, (0, 0, 0), {"angle_tol": 3 * ANGLE_TOL}),
+    "calibrated, lengths with all their digits": (CALIBRATED, (0.0007, 0, 0.1), {}),
+    "calibrated, larger tolerance": (CALIBRATED, (0.0007, 0, 0.1), {"angle_tol": 0.01}),
+    "origins slide along axes as they are made": (ROUNDED, (0, 0, 0.1), {}),
+    "an offset of 0.436 mm": (IIWA, (0, 0, 0.126), {}),
+    "an offset of 0.436 mm, gone on request": (IIWA, (0, 0, 0.126), {"snap_length": 1e-3}),
+    **{
+        f"joint {at} stands turned by {degrees}": (upright(degrees, at), (0.5, 0.2, 0), {})
+        for degrees in (45, -30, 17.3, 90, 135, 180) for at in range(3)
+    },
+    **{
+        f"a twist of {degrees} of {digits} digits": (
+            [
+                place((0, 0, 0.4)),
+                place((0.1, 0, 0), rotate("x", round(math.radians(degrees), digits))),
+                place((0.2, 0, 0), rotation("x", -90)),
+            ],
+            (0.3, 0, 0.08), {},
+        )
+        for degrees in (15, -30, 45, 60, -75, 105, 135, 150, -165) for digits in (4, 16)
+    },
+    **{
+        f"a milliradian beside a tilt of {tilt:.2f}": (
+            [
+                place((0, 0, 0.4)),
+                place((0.3, 0, 0.1), rotate("z", 1.1e-3) @ rotate("x", tilt) @ rotate("z", last)),
+            ],
+            (0.2, 0, 0), {},
+        )
+        for tilt, last in TILTS
+    },
+    **{
+        f"axes along {axis}": (along(axis), (0.3, 0, 0.1), {})
+        for axis in ((1, 0, 0), (0, -1, 0), (0, 0, -1), (-1, 0, 0), (0, 1, 0))
+    },
+}  # fmt: skip
+GEOMETRY = Golden(Path(__file__).with_name("nominal.txt"))
+
+
+def written(number: Fraction | Surd) -> str:
+    """Exactly; to nine digits where a machine's last bit may tell."""
+    if max(part.denominator for part in parts_of(number)) > 10**6:
+        return f"{float(number):.9g}"
+    terms = zip(parts_of(number), SQUARES, strict=True)
+    return " + ".join(f"{p} √{s}" if s > 1 else str(p) for p, s in terms if p) or "0"
+
+
+def about(size: float) -> str:
+    return f"{size:.1e}" if size > 1e-9 else "rounding"
+
+
+@pytest.mark.parametrize("head", GEOMETRY.heads())
+def test_what_is_exact(head):
+    """Of arms that files describe, and of chains made: all numbers, and what was moved."""
+    if head in MADE:
+        joints, tip, tolerances = MADE[head]
+        exact, seen = snapped(joints, place(tip), count=30, **tolerances)
+        assert exact.jacobian_change < 1e-9 or exact.jacobian_change < 10 * seen
+    else:
+        exact = nominal(load(head))
+    said = [
+        f"{', '.join(map(str, t))}; {', '.join(written(x) for row in R for x in row)}"
+        for t, R in zip(exact.translation, exact.rotation, strict=True)
+    ]
+    said += [f"moved: {s.what} of {s.where} by {about(s.size)}" for s in exact.snaps]
+    deviation = Deviation.of(exact.snaps)
+    if deviation is not None and not deviation.twist:
+        said.append(str(deviation))
+    change = about(exact.jacobian_change)
+    GEOMETRY.hold(head, "\n".join([*said, f"columns change by {change}; exact: {exact.exact}"]))
+
+
+def test_the_bound_is_in_the_units_of_the_length_scale():
+    one, tenth = (nominal(load("xarm7", length_scale=scale)) for scale in (1.0, 0.1))
+    assert tenth.jacobian_change > 2 * one.jacobian_change
 
 
 @pytest.mark.parametrize(("robot", "tip"), sampled(tiered_rows(CATALOGUE, CATALOGUE[::2])))
