@@ -11,7 +11,7 @@ from docutils.statemachine import StringList
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from pinsing.cli.app import VARIANTS, command
+from pinsing.cli.app import COMMANDS, VARIANTS, command_of
 
 
 class CommandLine(SphinxDirective):
@@ -20,12 +20,12 @@ class CommandLine(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         """Make the sections."""
         sections: list[nodes.Node] = []
-        for name in (*command.commands, *VARIANTS):
+        for name in (*COMMANDS, *VARIANTS):
             section = nodes.section(
                 ids=[f"pinsing-{name.replace(' --', '-')}"], names=[f"pinsing {name}"]
             )
             section += nodes.title(text=f"pinsing {name}")
-            lines = StringList(list(page(name, command.commands[name])), source=name)
+            lines = StringList(list(page(name, command_of(name))), source=name)
             self.state.nested_parse(lines, 0, section)
             self.state.document.note_explicit_target(section)
             sections.append(section)

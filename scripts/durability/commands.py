@@ -7,10 +7,11 @@ line below uses, so that a new one cannot be forgotten.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import click
 
 _URDF = Path(__file__).resolve().parents[2] / "urdf"
 _LOOPS = ("FIVE_BAR", "--loops", "LOOPS")
@@ -164,20 +165,13 @@ REFUSED = {"families": "system.sing", "map": "folder"}
 """Commands that refuse such a file of a mechanism, so that nothing is written."""
 
 
-def leaves(group: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Every command of a click program: its words, and itself."""
-    for name, one in group.commands.items():
-        if hasattr(one, "commands"):
-            yield from leaves(one, (*path, name))
-        else:
-            yield (*path, name), one
-
-
 def uncovered(program: Any) -> list[str]:
     """What may write and is in none of the command lines above: files of one kind, by an ending."""
     missing = []
-    for path, one in leaves(program):
-        name, loops = " ".join(path), any("--loops" in p.opts for p in one.params)
+    context = click.Context(program)
+    for name in program.list_commands(context):
+        one = program.get_command(context, name)
+        loops = any("--loops" in p.opts for p in one.params)
         for parameter in one.params:
             kind, said = type(parameter.type).__name__, str(parameter.metavar)
             reads = set(parameter.opts) & _READ

@@ -11,7 +11,7 @@ import importlib
 import itertools
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NoReturn
 
 import click
@@ -102,22 +102,15 @@ def _is_robot(word: str) -> bool:
     return canonical(word) in map(canonical, known_robots())
 
 
-class Commands(Mapping[str, click.Command]):
-    """`COMMANDS` as click wants them, imported when looked at; `VARIANTS` as well, by name."""
-
-    def __getitem__(self, name: str) -> click.Command:
-        place, called = VARIANTS.get(name) or (COMMANDS[name][0], name)
-        module = importlib.import_module(f"pinsing.cli.{place}")
-        found: click.Command = getattr(module, f"{called}_command")
-        if name in COMMANDS:
-            found.short_help = COMMANDS[name][1]
-        return found
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(COMMANDS)
-
-    def __len__(self) -> int:
-        return len(COMMANDS)
+def command_of(name: str) -> click.Command:
+    """Import the command of a name out of `COMMANDS`, or `VARIANTS`."""
+    place, called = VARIANTS.get(name) or (COMMANDS[name][0], name)
+    found: click.Command = getattr(
+        importlib.import_module(f"pinsing.cli.{place}"), f"{called}_command"
+    )
+    if name in COMMANDS:
+        found.short_help = COMMANDS[name][1]
+    return found
 
 
 BAD_INPUT = 2
@@ -126,9 +119,9 @@ BAD_INPUT = 2
 class PinsingGroup(click.Group):
     """A click group that turns every expected failure into one line and an exit code."""
 
-    def __init__(self, *args: Any, **extra: Any) -> None:
-        super().__init__(*args, **extra)
-        self.commands = Commands()  # type: ignore[assignment]
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import a command when it is asked for."""
+        return command_of(cmd_name) if cmd_name in COMMANDS else None
 
     def main(self, args: Sequence[str] | None = None, **extra: Any) -> NoReturn:  # type: ignore[override]
         """Run a command line and exit."""
@@ -200,11 +193,11 @@ class PinsingGroup(click.Group):
             raise click.ClickException(too_little)
         name, found, words = super().resolve_command(ctx, args)
         variant, words = variant_of(name or "", values_named(found, words))
-        return (variant, self.commands[variant], words) if variant != name else (name, found, words)
+        return variant or None, command_of(variant) if variant else found, words
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Name the commands, those that most people want first."""
-        return list(self.commands)
+        return list(COMMANDS)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands with what they are for; none is imported."""

@@ -16,7 +16,7 @@ import stat
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterator, Mapping
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from pathlib import Path
 from queue import SimpleQueue
 from types import FrameType
@@ -510,31 +510,25 @@ def running(
 
 
 def _outcome(future: Future[Record], job: Job, index: int) -> Record:
+    """The record of a chunk, judged; WorkerError for what went wrong elsewhere."""
+    installed = "(has it the same pinsing installed?)"
     try:
-        error = future.exception()
-    except CancelledError as cancelled:
-        error = cancelled
-    if isinstance(error, CancelledError) or type(error).__name__ == "FutureCancelledError":
-        raise WorkerError(f"chunk {index} was cancelled by the executor; {_AGAIN}") from None
-    if error is None:
         record = future.result()
-        try:
-            job.check(index, record)
-        except (DamagedError, ValueError, TypeError, AttributeError) as wrong:
-            raise WorkerError(
-                f"a worker returned something else for chunk {index}: {wrong} "
-                "(has it the same pinsing installed?)"
-            ) from None
-        return record
-    if isinstance(error, BrokenExecutor) or _named(error, "KilledWorker") or connection_lost(error):
-        raise _died(error) from error
-    if isinstance(error, PinsingError) or not isinstance(error, Exception):
-        raise error
-    said = " ".join(str(error).split())[:300]
-    raise WorkerError(
-        f"a worker failed at chunk {index}: {type(error).__name__}: {said} "
-        "(has it the same pinsing installed?)"
-    ) from error
+    except BaseException as error:
+        if _named(error, "CancelledError", "FutureCancelledError"):
+            raise WorkerError(f"chunk {index} was cancelled by the executor; {_AGAIN}") from None
+        if _named(error, "BrokenExecutor", "KilledWorker") or connection_lost(error):
+            raise _died(error) from error
+        if isinstance(error, PinsingError) or not isinstance(error, Exception):
+            raise
+        said = f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
+        raise WorkerError(f"a worker failed at chunk {index}: {said} {installed}") from error
+    try:
+        job.check(index, record)
+    except (DamagedError, ValueError, TypeError, AttributeError) as wrong:
+        said = f"a worker returned something else for chunk {index}: {wrong}"
+        raise WorkerError(f"{said} {installed}") from None
+    return record
 
 
 def _died(error: BaseException) -> WorkerError:
