@@ -132,39 +132,26 @@ async def _knock(distributed: Any, address: str, timeout: float) -> None:
 
 def _workers(distributed: Any, client: Any, address: str, timeout: float) -> int:
     """Wait for the first worker, judge all that are there, and count their threads."""
+    from importlib import metadata
+
+    missing = metadata.PackageNotFoundError
     try:
         client.wait_for_workers(1, timeout=timeout)
-        versions = _versions(client)
+        # A function that any worker has, whatever its pinsing.
+        versions = client.run(metadata.version, "pinsing", on_error="return")
         count = int(sum(client.nthreads().values()))
     except (TimeoutError, distributed.TimeoutError):  # one class only from Python 3.11 on
         raise WorkerError(f"the dask scheduler at {address} has no workers") from None
-    except WorkerError:
-        raise
     except Exception as error:
         raise WorkerError(f"the dask scheduler at {address} fails: {_first_line(error)}") from None
+    installed = any(metadata.distributions(name="pinsing"))  # else there is nothing to compare
     for worker, found in sorted(versions.items()):
+        version = "" if isinstance(found, missing) else str(found)
         WorkerError.refuse_if(
-            found != __version__, _other_version(f"the dask worker {worker}", found, __version__)
+            installed and isinstance(found, str | missing) and version != __version__,
+            _other_version(f"the dask worker {worker}", version, __version__),
         )
     return count
-
-
-def _versions(client: Any) -> dict[str, str]:
-    """Version of pinsing that each worker has; empty of one that has none."""
-    from importlib import metadata
-
-    try:
-        metadata.version("pinsing")
-    except metadata.PackageNotFoundError:  # not installed here: nothing to compare
-        return {}
-    # A function that any worker has, whatever its pinsing.
-    answers = client.run(metadata.version, "pinsing", on_error="return")
-    missing = metadata.PackageNotFoundError
-    return {
-        worker: "" if isinstance(found, missing) else str(found)
-        for worker, found in answers.items()
-        if isinstance(found, str | missing)
-    }
 
 
 def _other_version(who: str, found: str, wanted: str) -> str:
