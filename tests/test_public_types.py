@@ -1,17 +1,21 @@
 """Every public function, given what it cannot use, says which argument is wrong, in one line.
 
 The test finds the functions by itself: those of the reference, and the methods of its classes.
-A new one fails until there is a value, below, for each parameter that it must be given.
+What each is called with is what the example in its docstring calls it with.
 """
 
+import ast
 import datetime
+import doctest
 import functools
 import inspect
+import re
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from decimal import Decimal
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -22,7 +26,6 @@ from tiers import sampled, tiered
 import pinsing
 import pinsing.plot
 from pinsing.errors import ArgumentError, PinsingError
-from pinsing.postures.placement import place_at
 
 FIVE_BAR = Path(__file__).parent.parent / "urdf" / "five_bar.urdf"
 
@@ -71,90 +74,25 @@ def _somewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-cached = functools.cache
-
-
-Q, NEXT = (0.1, 0.5, 0.7), (0.2, -0.5, 0.7)
-POSES = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (2, 1, 1))
-POSES[:, :3, 3] = [[0.4, -0.1, 0.2], [0.4, 0.1, 0.2]]
-LINE = (0.1, 0.7, 0.3, 0.2, 0.6, 0.1)
-SHOULDER = ["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint"]
-arm = cached(lambda: pinsing.load("planar3r", task="position", joints=["q1", "q2", "q3"]))
-regional = cached(lambda: pinsing.load("ur5", task="position", tip="tool0", joints=SHOULDER))
-planar = cached(lambda: pinsing.load("planar3r"))
-stanford = cached(lambda: pinsing.load("stanford"))
-form = cached(lambda: pinsing.closed_form(arm()))
-six_joints = cached(lambda: pinsing.closed_form(pinsing.load("ur5"), prove=False))
-swept = cached(lambda: pinsing.sampling.sweep(arm(), levels=1, samples=5))
-mapped = cached(lambda: pinsing.sampling.sigma_map(arm(), count=8))
-mechanism = cached(lambda: pinsing.load_mechanism(FIVE_BAR))
-OWNERS = {
-    "Arm": arm,
-    "Aspects": cached(lambda: pinsing.aspects(form())),
-    "ClosedForm": form,
-    "Connection": cached(lambda: pinsing.connect(form(), Q, Q)),
-    "Cuspidality": cached(lambda: pinsing.cuspidality(planar(), poses=1)),
-    "DesignForm": cached(lambda: pinsing.closed_form(arm(), symbols=True)),
-    "Family": lambda: form().families[0],
-    "InverseSolutions": cached(lambda: pinsing.inverse(planar(), Q)),
-    "LineCheck": cached(lambda: pinsing.check_line(stanford(), LINE, [0.1, 0.2, 0.3])),
-    "MapPlan": lambda: mapped().plan,
-    "MapResult": mapped,
-    "Mechanism": mechanism,
-    "Monitor": lambda: pinsing.Monitor(form()),
-    "Zones": cached(lambda: pinsing.zones(form(), joint_speeds=np.ones(3), boxes=200)),
-    "PathPlan": cached(lambda: pinsing.plan_path(six_joints(), np.tile(np.eye(4), (2, 1, 1)))),
-    "WorkpiecePlacement": lambda: place_at({"yaw": 0.1}, np.zeros(3)),
-    "PostureChanges": cached(lambda: pinsing.posture_changes(planar(), Q)),
-    "Suggestion": cached(lambda: pinsing.suggest(arm(), work=0.3)),
-    "SweepPlan": lambda: swept().plan,
-    "SweepResult": swept,
-    "TrajectoryCheck": lambda: pinsing.check_trajectory(arm(), [Q, NEXT]),
-    "Viewer": cached(lambda: pinsing.Viewer(arm(), families=form().families, skeleton=True)),
-    "Viewer.save_html": cached(lambda: pinsing.Viewer(arm(), families=(), skeleton=True)),
+VIEWER = ">>> pinsing.Viewer(pinsing.load('planar3r'), skeleton=True)"
+INSTEAD = {
+    "Arm.check": ">>> pinsing.load('planar3r').check([0, 0.5, 0.7])",
+    "Aspects.of": ">>> pinsing.aspects(pinsing.closed_form('planar3r')).of([0, 0.5, 0.7])",
+    "connect": ">>> pinsing.connect(pinsing.closed_form('planar3r'), [0, 0.5, 0.7], [0, 0.6, 0.7])",
+    "Family.box": ">>> pinsing.closed_form('planar3r').families[0].box(True)",
+    "Family.conditions": ">>> pinsing.closed_form('planar3r').families[0].conditions()",
+    "Viewer.jupyter_cell": f"{VIEWER}.jupyter_cell()",
+    "Viewer.save_png": f"{VIEWER}.save_png('view.png')",
+    "Viewer.play": f"{VIEWER}.play('F1')",
 }
-"""Whose methods are called, by class, and by method where another one is quicker."""
-
-
-FITS: dict[str, Any] = {
-    "arm": arm, "form": form, "forms": form, "mechanism": mechanism, "result": swept,
-    "state": lambda: pinsing.at(arm(), Q), "robot": "planar3r", "family": "F1",
-    **dict.fromkeys(("q", "q0", "qa", "qb", "full_q", "pose"), Q), "Q": [Q], "Q0": [Q],
-    "configuration": (0.1, 0.0, 0.0), "motion": [Q, NEXT], "trajectory": [Q, (0.2, 0.5, 0.7)],
-    "poses": POSES, "J": np.eye(3), "twist": [0.1, 0.2, 0.3], "radius": 0.01,
-    "path": "page.html", "within_limits": True, "n": 2, "rng": lambda: np.random.default_rng(0),
-    "start": 0, "stop": 2, "inputs": (0, 1), "names": ("q1",), "fixed": (0,), "moving": "q2",
-    "joint_a": "q2", "joint_b": "q3",
-}  # fmt: skip
-"""What fits a parameter of that name; a function makes it."""
-MORE: dict[str, dict[str, Any]] = {
+"""Of functions whose own example is none, or is of an error, or needs what it made before."""
+QUICKER: dict[str, dict[str, Any]] = {
     "analyze": {"levels": 1, "samples": 5, "random_starts": 2, "seconds": 2.0},
-    "analyze_mechanism": {"seconds": 100.0}, "mechanism_map": {"over": "inputs", "count": 8},
-    "check_line": {"arm": stanford, "q0": LINE, "pose": [0.1, 0.2, 0.3]},
-    "check_trajectory": {"Q": [Q, NEXT]}, "aspect_changes": {"Q": [Q, Q]},
-    "DesignForm.residuals": {"lengths": {"q2_x": 0.5}}, "ClosedForm.latex": {"legend": True},
-    "ClosedForm.system": {"language": "maple"}, "ClosedForm.family_of": {"q": np.array(Q)},
-    "load_mechanism": {"robot": FIVE_BAR}, "Monitor.update": {"dq": (0.1, 0.2, 0.3)},
-    "export_guard": {"language": "python", "prefix": "planar"}, "generalize": {"samples": 8},
-    "plan_map": {"count": 8}, "sigma_map": {"count": 8}, "plan_path": {"form": six_joints},
-    "plan_sweep": {"levels": 1, "samples": 5}, "sweep": {"levels": 1, "samples": 5},
-    "inverse": {"arm": planar}, "line_postures": {"arm": planar, "pose": [0.1, 0.1, 0]},
-    "posture_changes": {"arm": planar}, "cuspidality": {"arm": planar, "poses": 1},
-    "suggest": {"work": 0.3}, "tip_speeds": {"joint_speeds": np.ones(3)},
-    "zones": {"joint_speeds": np.ones(3), "boxes": 200},
-    "write_report": {"robot": arm, "path": "report.html", "page": "none"},
-    "Viewer": {"families": (), "skeleton": True}, "Viewer.save_png": {"path": "view.png"},
-    "Arm.check_many": {"q": [Q]}, "SweepResult.curve": {"fixed": None},
-    **{f"Mechanism.{name}": {"q": np.zeros(4)} for name in ("check", "fold", "model_q")},
-    "SweepResult.set_text": {"fixed": {"q2": 0.0}},
-    "plot.aspect_plane": {"forms": form, "samples": 5}, "plot.sigma_plane": {"samples": 5},
-    "plot.inverse_count": {"arm": regional, "samples": 20}, "plot.workspace": {"samples": 500},
-    "plot.locus": {
-        "family": lambda: form().families[0], "joint_a": "q1", "joint_b": "q2",
-        "third": "q3", "values": [0.0, 1.0], "samples": 5,
-    },
+    "zones": {"boxes": 200}, "suggest": {"work": 0.3}, "cuspidality": {"poses": 1},
+    "Viewer": {"families": (), "skeleton": True},
+    "plot.aspect_plane": {"samples": 5}, "plot.sigma_plane": {"samples": 5},
+    "write_report": {"page": "none"},
 }  # fmt: skip
-"""Arguments of some, in place of those and beside them."""
 FREE = {"crossings": {"motion"}, "Viewer": {"visualizer"}, "Arm.check_many": {"name", "own"}}
 FREE |= {name: {"name"} for name in ("Arm.check", "Arm.check_one", "Mechanism.check")}
 """Parameters that may be anything."""
@@ -165,17 +103,36 @@ SLOW = {
 """What is right is tried in other tests."""
 
 
-def close_again(**given: Any) -> None:
-    pinsing.Viewer(**given).close()
+@functools.cache
+def example(name: str) -> tuple[Callable[..., Any], dict[str, Any]]:
+    """A function, or a method of an object, and arguments with which it works."""
+    text = INSTEAD.get(name) or inspect.getdoc(PUBLIC[name]) or ""
+    shown = [e.source for e in doctest.DocTestParser().get_examples(text)]
+    for k, source in enumerate(shown):
+        for node in ast.walk(ast.parse(source)):
+            if isinstance(node, ast.Call) and re.fullmatch(
+                rf"(.*\.)?{name.rpartition('.')[2]}", ast.unparse(node.func)
+            ):
+                names: dict[str, Any] = {"pinsing": pinsing}
+                exec("".join(shown[:k]), names)
+                function = eval(ast.unparse(node.func), names)
+                names["bound"] = inspect.signature(function).bind
+                node.func = ast.Name("bound")
+                given = eval(ast.unparse(node), names).arguments
+                return function, given | QUICKER.get(name, {})
+    raise AssertionError(f"{name} has no example")
 
 
 def call(name: str, **given: Any) -> Any:
-    owner, _, method = name.rpartition(".")
+    made = example(name)[0](**given)
     if name == "Viewer":
-        return close_again(**given)
-    if owner in ("", "plot"):
-        return PUBLIC[name](**given)
-    return getattr(OWNERS.get(name, OWNERS.get(owner))(), method)(**given)
+        made.close()
+    return made
+
+
+@functools.cache
+def arm() -> Any:
+    return pinsing.load("planar3r", task="position")
 
 
 INTERNAL = {"once", "configuration"}  # of `Memory` and of `MapPlan`: for other modules alone
@@ -207,36 +164,13 @@ OF = {
 """Parameters of each function."""
 
 
-def needs(name: str) -> list[str]:
-    """Those that must be given, and that no other value is given for."""
-    own = {"self", *MORE.get(name, ())}
-    return [p for p, x in PARAMETERS[name].items() if x.default is x.empty and p not in own]
-
-
-def works(name: str) -> dict[str, Any]:
-    """Arguments with which it works."""
-    given = {p: FITS[p] for p in needs(name)} | MORE.get(name, {})
-    return {p: value() if callable(value) else value for p, value in given.items()}
-
-
-def test_every_public_function_has_a_call_that_works():
-    assert {name for name in PUBLIC if not {*needs(name)} <= FITS.keys()} == set()
-    assert PUBLIC.keys() >= MORE.keys()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in PUBLIC if name not in SLOW])
-def test_the_calls_work(name):
-    call(name, **works(name))
-
-
 def wrong(name: str, parameter: str, value: Any) -> PinsingError | None:
     """Call with one argument replaced: the error, None if the call ended well."""
     raised: PinsingError | None = None
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
-            call(name, **{**works(name), parameter: value})
+            call(name, **{**example(name)[1], parameter: value})
         except PinsingError as error:
             raised = error
     if raised is not None:
@@ -257,7 +191,8 @@ def test_what_never_fits_is_refused_by_name(name):
 
 FITTED = [name for name in OF if name not in SLOW]
 LONG = {
-    "TrajectoryCheck.text", "Viewer", "analyze", "check_trajectory", "line_postures",
+    "TrajectoryCheck.text", "Viewer", "analyze", "aspects", "check_trajectory", "connect",
+    "line_postures", "posture_changes",
     "plot.aspect_plane", "plot.sigma_plane", "suggest", "zones",
 }  # fmt: skip
 
@@ -297,6 +232,38 @@ def told_what_belongs(name, parameter, value):
     assert isinstance(error, TypeError)
     assert error.argument == parameter
     assert MADE[parameter] in str(error)
+
+
+RETURNED = {
+    name: documented().get(str(inspect.signature(function).return_annotation).split(" | ")[0])
+    for name, function in PUBLIC.items()
+}
+RESULTS = [name for name, kind in RETURNED.items() if callable(getattr(kind, "from_json", None))]
+RESULTS.remove("ClosedForm.family_of")  # a family has a text, and no other
+SCHEMAS = {f"pinsing/{name}" for name in (
+    "analysis/1", "aspects/1", "clearance/1", "closed_form/2", "connection/1", "crossings/1",
+    "cuspidality/1", "distance/1", "generalization/1", "inverse/1", "inverse_solution/1",
+    "inverse_velocity/1", "line_check/1", "map-plan/1", "map/1", "mechanism-analysis/2",
+    "mechanism-map/2", "mechanism-modes/1", "path_plan/1", "posture_changes/1",
+    "singular-configuration/1", "state/1", "suggestion/1", "sweep-plan/1", "sweep/1",
+    "trajectory_check/1", "verdict/1", "zones/2",
+)}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", tiered(RESULTS, {*RESULTS} - SLOW - {"posture_changes"}))
+def test_a_result_prints_its_text_and_shows_it_in_a_notebook(name):
+    made = call(name, **example(name)[1])
+    for result in (made, *(made if isinstance(made, Sequence) else ())):
+        said = str(result)
+        assert result.text() == said
+        assert 10 < len(said) < 6000
+        assert not re.search(r"array\(|None|dtype|ROBOT", said)
+        assert type(result).from_json(result.to_json()).to_json() == result.to_json()
+        assert re.fullmatch(rf"<{type(result).__name__}\b[^\n]{{,140}}>", repr(result))
+        shown = result._repr_html_()
+        ElementTree.fromstring(f"<div>{shown}</div>")
+        assert "$" not in shown  # nothing waits for MathJax
+        assert result.schema in SCHEMAS, "what was saved before has to be read too"
 
 
 JSON_ELSE = {**NEVER, "None": None, "number": 3, "braces": "{}", "list": [], "dict": {}}

@@ -235,7 +235,7 @@ def inverse_velocity(
         f"length_scale is for Jacobians of 6 rows; scale the {m} rows of this one",
     )
     # What each row is divided by.
-    rows = np.array([length_scale] * 3 + [1.0] * 3) if m == 6 else np.ones(m)
+    rows = np.array([float(length_scale)] * 3 + [1.0] * 3) if m == 6 else np.ones(m)
     weight = _positive(weights, n, "weights", np.ones(n))
     OptionError.refuse_if(
         not np.isfinite(weight).all(), f"weights must be finite, got {weight.tolist()}"
