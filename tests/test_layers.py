@@ -7,10 +7,10 @@ import ast
 import re
 import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
-from graphlib import CycleError, TopologicalSorter
+from graphlib import TopologicalSorter
 from importlib import metadata
 from importlib.util import resolve_name
 from pathlib import Path
@@ -103,11 +103,8 @@ def own_imports() -> tuple[Import, ...]:
     return tuple(i for i in every_import() if i.imported in MODULES)
 
 
-def test_every_package_has_its_place():
+def test_every_package_has_its_place_and_imports_point_down():
     assert {room(m) for m in MODULES} == set(ORDER)
-
-
-def test_imports_point_down():
     place = {name: k for k, name in enumerate(ORDER)}
     wrong = [str(i) for i in own_imports() if place[room(i.importer)] < place[room(i.imported)]]
     assert not wrong, "\n".join(wrong)
@@ -122,35 +119,25 @@ def test_the_house_has_at_most_ten_floors():
     assert max(floor.values()) <= 10, floor
 
 
-def circle(arrows: Iterable[tuple[str, str]]) -> str:
-    """A way from a module back to itself, or nothing."""
-    graph: dict[str, set[str]] = {}
-    for importer, imported in arrows:
-        if importer != imported and not importer.startswith(f"{imported}."):
-            graph.setdefault(importer, set()).add(imported)
-    try:
-        TopologicalSorter(graph).prepare()
-    except CycleError as error:
-        return " -> ".join(reversed(error.args[1]))
-    return ""
-
-
 def test_no_module_imports_itself_by_way_of_others():
     """What a module needs within a function, or for a type alone, it needs.
 
     Two that need each other are one thing, or lack a third below both: a result stands with its
     text in one module, what makes it in another above.
     """
-    assert not circle((i.importer, i.imported) for i in own_imports())
+    graph: dict[str, set[str]] = {}
+    for i in own_imports():
+        if i.importer != i.imported and not i.importer.startswith(f"{i.imported}."):
+            graph.setdefault(i.importer, set()).add(i.imported)
+    TopologicalSorter(graph).prepare()  # names a way from a module back to itself
 
 
-@pytest.mark.parametrize("library", HEAVY)
-def test_heavy_imports_wait_until_they_are_needed(library):
+def test_heavy_imports_wait_until_they_are_needed():
     wrong = [
         str(i)
         for i in every_import()
-        if i.imported.partition(".")[0] == library
-        and i.at_import
+        if i.at_import
+        and (library := i.imported.partition(".")[0]) in HEAVY
         and room(i.importer) not in HEAVY[library]
     ]
     assert not wrong, "\n".join(wrong)
@@ -166,17 +153,30 @@ def modules_after(code: str) -> tuple[str, set[str]]:
     return run.stdout, set(run.stderr.split())
 
 
+def command(*words: str) -> str:
+    return f"from pinsing.cli.app import command; command({words!r}, standalone_mode=False)"
+
+
+AT = ("at", "ur5", "--q", "0,-1,1,0,1,0")
+# They print: what others open, start, draw or keep from the terminal can wait.
+PRINTING = (
+    "webbrowser subprocess tempfile shutil logging html asyncio yaml http ssl email zipfile "
+    "matplotlib meshcat scipy sympy rich tornado xacro yourdfpy zmq pandas trimesh xml.etree "
+    "pinsing.view pinsing.plot pinsing.report pinsing.loops pinsing.sampling pinsing.postures "
+)
 COLD = {
     # Nor does what the child of xacro imports, which starts for each xacro file and DH table.
     "the help of a command": (
         "from pinsing.cli import families, motion, robots, show;"
         "import pinsing.errors, pinsing.description.catalog, pinsing.description.xacro_rules;"
         "pinsing.description.catalog.known_robots()",
+        "",
         "numpy rich matplotlib meshcat pinocchio scipy yourdfpy xacro flint ssl",
     ),
     # NumPy imports masked arrays by itself in some functions: 25 ms of a start of half a second.
     "a closed form": (
         "import pinsing; str(pinsing.closed_form(pinsing.load('ur5')))",
+        "",
         "numpy.ma asyncio urllib.request yaml ssl pinocchio.visualize pinsing.view pinsing.plot "
         "subprocess tempfile shutil html pinsing.families.design",
     ),
@@ -185,6 +185,7 @@ COLD = {
         "import pinsing; arm = pinsing.load('planar3r'); "
         "analysis = pinsing.analyze(arm, random_starts=50); str(analysis), analysis.to_json(); "
         "pinsing.sampling.sweep(arm, samples=9, levels=1)",
+        "",
         "asyncio concurrent.futures.process numpy.ma yaml ssl http email scipy "
         "matplotlib meshcat yourdfpy xacro rich click tornado zmq",
     ),
@@ -193,17 +194,27 @@ COLD = {
         "import pathlib, pinsing; from pinsing.postures.placement import read_poses; "
         "read_poses(pathlib.Path('poses.csv')); "
         "pinsing.loops.analyze_mechanism(pinsing.load_mechanism('five_bar'))",
+        "",
         "scipy",
     ),
+    "families": (command("families", "ur5", "--no-prove"), "3 families", PRINTING),
+    "at": (command(*AT), "regular", PRINTING),
+    "at, without distances": (
+        command(*AT, "--no-distances"),
+        "regular",
+        PRINTING + "flint pinsing.families pinsing.proof",
+    ),
 }
+QUICK = ("the help of a command", "a closed form", "at, without distances")
 
 
-@pytest.mark.parametrize("what", tiered(COLD, ("the help of a command", "a closed form")))
+@pytest.mark.parametrize("what", tiered(COLD, QUICK))
 def test_what_is_done_first_pulls_in_little(what, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("poses.csv").write_text("x,y,z,roll,pitch,yaw\n" + "1,0,0,0,0,1\n" * 2)
-    code, heavy = COLD[what]
-    _, loaded = modules_after(code)
+    code, answer, heavy = COLD[what]
+    said, loaded = modules_after(code)
+    assert answer in said
     assert loaded.isdisjoint(heavy.split())
 
 
@@ -213,30 +224,6 @@ def test_a_command_imports_no_other_and_the_list_none():
         code = "import contextlib; from pinsing.cli import main\n"
         code += f"with contextlib.suppress(SystemExit): main({words!r})\n0"
         assert modules_after(code)[1] & parts == needed
-
-
-@pytest.mark.parametrize(
-    ("words", "answer"),
-    [
-        pytest.param(["families", "ur5", "--no-prove"], "3 families", marks=pytest.mark.slow),
-        pytest.param(["at", "ur5", "--q", "0,-1,1,0,1,0"], "regular", marks=pytest.mark.slow),
-        (["at", "ur5", "--q", "0,-1,1,0,1,0", "--no-distances"], "regular"),
-    ],
-)
-def test_a_command_pulls_in_no_browser_no_processes_no_log_and_no_meshes(words, answer):
-    """They print: what others open, start, draw or keep from the terminal can wait."""
-    said, loaded = modules_after(
-        f"from pinsing.cli.app import command; command({words!r}, standalone_mode=False)"
-    )
-    heavy = (
-        "webbrowser subprocess tempfile shutil logging html asyncio yaml http ssl email zipfile "
-        "matplotlib meshcat scipy sympy rich tornado xacro yourdfpy zmq pandas trimesh xml.etree "
-        "pinsing.view pinsing.plot pinsing.report pinsing.loops pinsing.sampling pinsing.postures"
-    )
-    assert answer in said
-    assert loaded.isdisjoint(heavy.split())
-    if "--no-distances" in words:
-        assert not {"flint", "pinsing.families", "pinsing.proof"} & loaded
 
 
 # Class names that stand twice, the rooms they stand in, and why.
