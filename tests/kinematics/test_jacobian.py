@@ -26,7 +26,6 @@ from pinsing.measures import status_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.task import parse_task
 from pinsing.sampling import plan_map, sigma_map, sweep
-from pinsing.sampling.analyze import singular_configurations
 from pinsing.view.scene import sizes
 from pinsing.view.viewer import engine_data
 
@@ -522,21 +521,3 @@ def test_the_unit_of_the_file_changes_no_verdict(name: str, power: int) -> None:
     found = kinematics.ratios(other, Q * np.where(plain.prismatic, 10.0**power, 1.0))
     np.testing.assert_allclose(found, kinematics.ratios(plain, Q), rtol=1e-6, atol=1e-14)
     assert kinematics.generic_rank(other) == kinematics.generic_rank(plain)
-
-
-@pytest.mark.slow
-def test_a_task_that_can_vanish_is_singular_there_for_all():
-    """Planar 3R, vx alone: J is zero where the tip is on the y axis; rounding has no ratio."""
-    arm = arms.textbook("planar3r", "vx")
-    q = np.zeros(3)  # stretched along x: no joint moves the tip along x
-    assert pinsing.at(arm, q).singular
-    found = sigma_map(arm, "grid", steps=9, ignore_limits=True)
-    plan = plan_map(arm, "grid", steps=9, ignore_limits=True)
-    wanted = sum(pinsing.at(arm, x).singular for x in plan.configurations(0, plan.count))
-    assert found.singular == wanted > 0
-    arm = arms.textbook("stanford")
-    result = sweep(arm, levels=1, samples=61)
-    assert {row.status for row in result.uniform} > {"regular"}
-    found = [f for f in singular_configurations(arm, result) if f.status == "singular"]
-    assert found
-    assert all(describe(arm, f.configuration.q).singular for f in found)

@@ -15,6 +15,9 @@ const char *joint_name(int i);
 const char *family_text(int i);
 int clear(const double *q, double radius);
 int inside(const double *q);
+#ifdef ZONED
+void in_zones(int count, const double *q, int *out);
+#endif
 
 /* each: (count, FAMILIES, 2 + JOINTS): f, lower, gradient */
 void ask(int count, const double *q, double *lower, int *nearest, double *each)
@@ -46,6 +49,14 @@ const char *joint_name(int i) { return CALL(joint_name)[i]; }
 const char *family_text(int i) { return CALL(family_text)[i]; }
 int clear(const double *q, double radius) { return CALL(is_clear)(q, radius); }
 int inside(const double *q) { return CALL(within_limits)(q); }
+#ifdef ZONED
+void in_zones(int count, const double *q, int *out)
+{
+    for (int i = 0; i < count; i++) {
+        out[i] = CALL(in_zones)(&q[i * JOINTS_]);
+    }
+}
+#endif
 #ifdef __cplusplus
 }
 #endif
