@@ -34,21 +34,6 @@ def lines_in_plane(a, b):
     return np.column_stack([b - a, a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]])
 
 
-TURNS = np.linspace(-np.pi, np.pi, 20001) + 0.1234567
-
-
-def circle(axis, arm):
-    """The arm turned by all TURNS (N, 3)."""
-    along = (arm @ axis) * axis
-    c, s = np.cos(TURNS)[:, None], np.sin(TURNS)[:, None]
-    return along + c * (arm - along) + s * np.cross(axis, arm)
-
-
-def changes(values):
-    """How often they change their sign."""
-    return int((np.sign(values[1:]) != np.sign(values[:-1])).sum())
-
-
 def named(at, e):
     return {**dict(zip("xyz", at, strict=True)), **{f"e{k}": v for k, v in enumerate(e)}}
 
@@ -193,6 +178,29 @@ def rps(folder, base, hinges, platform, rows="vz, wx, wy", driven="p"):
     ]
     home = {f"p{k}": 0.8 for k in range(3)} if driven == "p" else None
     return on_legs(folder, legs, platform, [f"{driven}{k}" for k in range(3)], rows, "s", home)
+
+
+def random_3rps(folder, seed):
+    return rps(folder, *hinged(np.random.default_rng(seed)))
+
+
+def eye(folder, base, middle, outer):
+    """Three legs by unit vectors (3, 3) each, with all joints at zero; the output is the base."""
+    joints, loops = [], []
+    for k in range(3):
+        joints.append(J(f"a{k}", "base", f"arm{k}", axis=base[k]))
+        joints.append(J(f"v{k}", f"arm{k}", f"bar{k}", axis=middle[k]))
+        if k == 0:
+            joints.append(J("w", "bar0", "platform", axis=outer[0]))
+        else:
+            joints.append(frame(f"e{k}", f"bar{k}", outer[k]))
+            joints.append(frame(f"b{k}", "platform", outer[k]))
+            loops.append((f"e{k}", f"b{k}"))
+    return assembled(folder, joints, loops, ["a0", "a1", "a2"], "platform", "wx, wy, wz")
+
+
+def random_eye(folder, seed):
+    return eye(folder, *unit(np.random.default_rng(seed).normal(size=(3, 3, 3))))
 
 
 def ups(folder, base, platform, **options):

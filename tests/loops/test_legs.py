@@ -1,23 +1,20 @@
-"""Numbers of modes by algebra, against geometry and counts of sign changes without pinsing."""
+"""Modes by algebra against those that are found, and loci over the lengths of legs."""
 
+import itertools
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from mechanisms import assembled, circles, cross, placed, shipped
+from mechanisms import assembled, placed, shipped
 from platforms import (
-    TURNS,
     Way,
-    changes,
     check_loci,
-    circle,
-    hinged,
     lines_in_plane,
     planar,
-    rps,
+    random_3rps,
+    random_eye,
     turned,
     turned_in_plane,
     unit,
@@ -26,12 +23,14 @@ from tiers import tiered, tiered_rows
 from urdf_text import J, X, Y, frame
 
 import pinsing
-from pinsing.loops import pose_forms
-from pinsing.loops.legs import count_poses, input_loci
+from pinsing.loops import mechanism_at, pose_forms
+from pinsing.loops.closure import output_pose, random_closed
+from pinsing.loops.legs import input_loci
 
 
-def one_rod(folder, rng, ends):
+def one_rod(folder, ends, seed):
     """A rod with a universal joint and a ball between two cranks (RSSR), or a crank and a slide."""
+    rng = np.random.default_rng(seed)
     axes = unit(rng.normal(size=(2, 3)).round(1))
     arms = rng.uniform(-0.5, 0.5, (2, 3)).round(2)
     foot = rng.uniform(-0.5, 0.5, 3).round(2)
@@ -50,52 +49,7 @@ def one_rod(folder, rng, ends):
         frame("pin", "rocker", arms[1]),
     ]
     rows = "wx" if ends == "crank" else "vx"
-    made = assembled(folder, joints, [("tip", "pin")], ["crank"], "rocker", rows)
-    return made, axes, arms, foot, length
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("ends", tiered(["crank", "slide"], {"crank"}))
-@pytest.mark.parametrize("seed", tiered(range(4), (0,)))
-def test_one_rod_between_two_joints(ends, seed, tmp_path):
-    mechanism, axes, arms, foot, length = one_rod(tmp_path, np.random.default_rng(seed), ends)
-    home = pinsing.loops.assembly_modes(mechanism).modes[0].q
-    crank, other = (mechanism.joints.index(n) for n in ("crank", "other"))
-    direct = pinsing.loops.assembly_modes(mechanism, [home[crank]])
-    C = turned(axes[0], home[crank]) @ arms[0]
-    if ends == "crank":
-        at = foot + circle(axes[1], arms[1])
-    else:
-        at = foot + arms[1] + np.linspace(-9, 8.9876, 20001)[:, None] * axes[1]
-    number = changes(np.linalg.norm(at - C, axis=1) - length)
-    assert number == len(direct.modes) == 2
-    assert direct.complete
-    assert "all there are, by the quadratic equation of its rod" in direct.statement
-    inverse = pinsing.loops.working_modes(mechanism)
-    B = foot + (turned(axes[1], home[other]) @ arms[1] if ends == "crank" else
-                arms[1] + home[other] * axes[1])  # fmt: skip
-    number = changes(np.linalg.norm(circle(axes[0], arms[0]) - B, axis=1) - length)
-    assert number == len(inverse.modes)
-    assert inverse.complete
-
-
-@pytest.mark.parametrize("seed", tiered(range(4), (1,)))
-def test_working_modes_of_three_legs_on_hinges(seed, tmp_path):
-    rng = np.random.default_rng(seed)
-    base, hinges, platform = hinged(rng)
-    mechanism = rps(tmp_path, base, hinges, platform).without_limits()
-    tilt = rng.uniform(-0.3, 0.3, 2)
-    found = pinsing.loops.working_modes(mechanism, [0.9, *tilt])
-    R = pin.rpy.rpyToMatrix(*tilt, 0.0)
-    left = []
-    for yaw in TURNS[::10]:
-        away = platform @ (pin.rpy.rpyToMatrix(0, 0, yaw) @ R).T + [0, 0, 0.9] - base
-        # The first two hinges give x and y, the third is left.
-        xy = np.linalg.solve(hinges[:2, :2], -(hinges[:2] * away[:2]).sum(axis=1))
-        left.append(hinges[2, :2] @ xy + hinges[2] @ away[2])
-    assert len(found.modes) == 8 * changes(np.array(left))
-    assert found.complete
-    assert "by the planes of its hinges and the two solutions of each leg" in found.statement
+    return assembled(folder, joints, [("tip", "pin")], ["crank"], "rocker", rows)
 
 
 @pytest.mark.slow
@@ -177,40 +131,6 @@ def test_mirrored_poses_of_points_in_lines_are_on_no_locus(tmp_path):
         assert relative(found, lengths(base, platform, np.array([0.3, 0.5]), angle)) > 1e-6
 
 
-def poses_by_scanning(base, platform, rho):
-    """Sign changes of what the third distance misses, over the two branches of the other two."""
-    turn = np.exp(1j * np.linspace(-np.pi, np.pi, 40_001))
-    # As complex numbers: the position is on circles about base - turned platform point.
-    one, two, three = (base @ [1, 1j])[:, None] - np.outer(platform @ [1, 1j], turn)
-    d = abs(two - one)
-    along = (d**2 + rho[0] ** 2 - rho[1] ** 2) / (2 * d)
-    height = np.sqrt(np.where(abs(along) <= rho[0], rho[0] ** 2 - along**2, np.nan))
-    count = 0
-    for side in (1, -1):
-        at = one + (along + side * 1j * height) * (two - one) / d
-        miss = abs(at - three) - rho[2]
-        count += int((miss[1:] * miss[:-1] < 0).sum())
-    return count
-
-
-@pytest.mark.parametrize("seed", tiered((0, 2, 4, 6), (2,)))
-def test_poses_are_as_many_as_the_circles_have(seed, tmp_path):
-    rng = np.random.default_rng(seed)
-    base, platform = triangles(seed)
-    mechanism = planar(tmp_path, Way("rpr", base=base, platform=platform))
-    numbers = set()
-    for _ in range(12):
-        rho = lengths(base, platform, rng.uniform(-0.5, 0.5, 2), rng.uniform(-np.pi, np.pi))
-        if rho.min() < 0.1:
-            continue
-        known = poses_by_scanning(base, platform, rho)
-        # Branches that end within a step of the scan are seen by neither or both signs.
-        if known % 2 == 0:
-            assert count_poses(mechanism, rho) == known
-            numbers.add(known)
-    assert len(numbers) > 1
-
-
 @pytest.mark.slow
 def test_the_modes_say_that_they_are_all():
     for name, working in (("planar_3rrr", 8), ("planar_3rpr", 1), ("gough_stewart", 1)):
@@ -232,70 +152,35 @@ PLANES = {
     "upright": ((math.pi / 2, 0.0, 0.0), "vx, vz"),
     "oblique": ((0.3, 0.4, 0.5), "vx, vy, vz"),
 }
-AT = np.array([0.1, 0.2, 0.3])
 
 
-class FiveBar:
-    """Two legs in a plane, each a crank or a slide with a rod; the second written from the pin."""
-
-    def __init__(self, folder: Path, kinds: str, cut: str, plane: str, seed: int) -> None:
-        rng = np.random.default_rng(seed)
-        self.kinds = kinds
-        self.feet = np.array([[0.0, 0.0], [0.6, 0.0]]) + rng.uniform(-0.1, 0.1, (2, 2))
-        self.yaw = rng.uniform(-0.6, 0.6, 2)
-        self.cranks, self.rods = rng.uniform(0.2, 0.35, 2), rng.uniform(0.4, 0.6, 2)
-        self.senses = rng.choice([1, -1], 2)
-        turn, rows = PLANES[plane]
-        self.turn = pin.rpy.rpyToMatrix(*turn)
-        raised = 0.05  # of the second leg's foot
-        axes = [(0, 0, s) for s in self.senses]
-        joints = [J("w", "world", "base", AT, kind="fixed", rpy=turn)]
-        ends = []
-        for k in (0, 1):
-            how = (axes[k], "continuous", None) if kinds[k] == "R" else (X, "prismatic", (-1, 1))
-            foot = (*self.feet[k], raised * k)
-            joints.append(J(f"m{k}", "base", f"c{k}", foot, *how, (0, 0, self.yaw[k])))
-            ends.append((self.cranks[k] if kinds[k] == "R" else 0, 0, 0))
-        joints.append(J("b0", "c0", "r0", ends[0], axes[0]))
-        joints.append(frame("p0", "r0", (self.rods[0], 0, 0)))
-        if cut == "pin":
-            joints.append(J("b1", "c1", "r1", ends[1], axes[1], rpy=(0, 0, 0.4)))
-            joints.append(frame("p1", "r1", (0, self.rods[1], -raised)))
-            loop, output = ("p0", "p1"), "p1"
-        else:
-            joints.append(J("pin", "p0", "r1", axis=axes[1]))
-            joints.append(frame("e1", "r1", (self.rods[1], 0, raised)))
-            kind = "fixed" if cut == "elbow" else "continuous"
-            joints.append(J("b1", "c1", "s1", ends[1], axes[1], kind))
-            loop, output = ("e1", "s1"), "r1"
-        kind = "6d" if cut == "weld" else "3d"
-        self.mechanism = assembled(folder, joints, [loop], ["m1", "m0"], output, rows, kind)
-        self.rows = ["xyz".index(row[1]) for row in rows.split(", ")]
-
-    def own(self, mode: Any) -> np.ndarray:
-        """Where its pin is, in the plane's own axes."""
-        return self.turn.T @ (np.array(mode.pose.position) - AT)
-
-    def ways(self, P: np.ndarray) -> int:
-        """How many inputs within the limits put the pin there."""
-        count = 1
-        for k in (0, 1):
-            if self.kinds[k] == "R":
-                count *= 2
-                continue
-            away = P - self.feet[k]
-            u = np.array([math.cos(self.yaw[k]), math.sin(self.yaw[k])])
-            reach = math.sqrt(self.rods[k] ** 2 - cross(u, away) ** 2)
-            count *= sum(abs(away @ u + sign * reach) <= 1 for sign in (1, -1))
-        return count
-
-    def elbows(self, m: list[float]) -> list[np.ndarray]:
-        out = []
-        for k in (0, 1):
-            along = self.yaw[k] + (self.senses[k] * m[k] if self.kinds[k] == "R" else 0)
-            u = np.array([math.cos(along), math.sin(along)])
-            out.append(self.feet[k] + (self.cranks[k] if self.kinds[k] == "R" else m[k]) * u)
-        return out
+def legs_in_a_plane(folder, kinds, cut, plane):
+    """Two legs, each a crank or a slide with a rod; the second written from the pin."""
+    rng = np.random.default_rng(5)
+    feet = np.array([[0.0, 0.0], [0.6, 0.0]]) + rng.uniform(-0.1, 0.1, (2, 2))
+    yaw, cranks, rods = rng.uniform([[-0.6], [0.2], [0.4]], [[0.6], [0.35], [0.6]], (3, 2))
+    axes = [(0, 0, s) for s in rng.choice([1, -1], 2)]
+    turn, rows = PLANES[plane]
+    raised = 0.05  # of the second leg's foot
+    joints = [J("w", "world", "base", (0.1, 0.2, 0.3), kind="fixed", rpy=turn)]
+    ends = [(cranks[k] if kinds[k] == "R" else 0, 0, 0) for k in (0, 1)]
+    for k in (0, 1):
+        how = (axes[k], "continuous", None) if kinds[k] == "R" else (X, "prismatic", (-1, 1))
+        foot = (*feet[k], raised * k)
+        joints.append(J(f"m{k}", "base", f"c{k}", foot, *how, (0, 0, yaw[k])))
+    joints += [J("b0", "c0", "r0", ends[0], axes[0]), frame("p0", "r0", (rods[0], 0, 0))]
+    if cut == "pin":
+        joints.append(J("b1", "c1", "r1", ends[1], axes[1], rpy=(0, 0, 0.4)))
+        joints.append(frame("p1", "r1", (0, rods[1], -raised)))
+        loop, output = ("p0", "p1"), "p1"
+    else:
+        joints.append(J("pin", "p0", "r1", axis=axes[1]))
+        joints.append(frame("e1", "r1", (rods[1], 0, raised)))
+        kind = "fixed" if cut == "elbow" else "continuous"
+        joints.append(J("b1", "c1", "s1", ends[1], axes[1], kind))
+        loop, output = ("e1", "s1"), "r1"
+    kind = "6d" if cut == "weld" else "3d"
+    return assembled(folder, joints, [loop], ["m1", "m0"], output, rows, kind)
 
 
 CASES = [
@@ -306,32 +191,54 @@ CASES = [
 
 
 @pytest.mark.parametrize(("kinds", "cut", "plane"), tiered_rows(CASES, CASES[2:3]))
-def test_loci_and_modes(tmp_path: Path, kinds: str, cut: str, plane: str) -> None:
-    bar = FiveBar(tmp_path, kinds, cut, plane, 5)
-    forms, rng = pose_forms(bar.mechanism), np.random.default_rng(8)
+def test_loci_of_two_legs_in_a_plane(tmp_path: Path, kinds: str, cut: str, plane: str) -> None:
+    mechanism = legs_in_a_plane(tmp_path, kinds, cut, plane)
+    forms = pose_forms(mechanism)
     assert [x.kind for x in forms.loci] == ["type 2", "type 1", "type 1"]
     assert any("in the plane of the mechanism" in n for n in forms.notes) == (plane != "level")
-    check_loci(bar.mechanism, rng, "type 1", "type 2")
-    closed = 0
-    while closed < 6:
-        m = [float(rng.uniform(-1, 1) * (1.5 if kind == "R" else 0.4)) for kind in kinds]
-        (one, two), (a, b) = bar.elbows(m), bar.rods
-        expected = circles(one, a, two, b)
-        found = pinsing.loops.assembly_modes(bar.mechanism, [m[1], m[0]])
-        assert len(found.modes) == len(expected)
-        if not expected:
+    check_loci(mechanism, np.random.default_rng(8), "type 1", "type 2")
+
+
+def random_triangles(folder, seed):
+    base, platform = triangles(seed)
+    return planar(folder, Way("rpr", base=base, platform=platform))
+
+
+LEG, ROD = "the two solutions of each leg", "the quadratic equation of its rod"
+COUNTED = {
+    **{f"3-RPR {seed}": (random_triangles, seed, "the real roots", LEG) for seed in (0, 2, 4, 6)},
+    **{f"3-RPS {seed}": (random_3rps, seed, "", "the planes of its hinges") for seed in range(4)},
+    **{f"spherical {seed}": (random_eye, seed, "", LEG) for seed in range(6)},
+    **{f"crank to crank {seed}": (one_rod, "crank", seed, ROD, ROD) for seed in range(4)},
+    **{f"crank to slide {seed}": (one_rod, "slide", seed, ROD, ROD) for seed in range(4)},
+    **{" ".join(case): (legs_in_a_plane, *case, "the triangle", LEG) for case in CASES},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", tiered(COUNTED, ("3-RPR 2", "3-RPS 1", "spherical 0")))
+def test_modes_that_are_found_are_as_many_as_algebra_counts(case, tmp_path, rng):
+    """By Newton's method from many starts, at inputs and poses at random."""
+    build, *given, direct, inverse = COUNTED[case]
+    mechanism, asked, numbers = build(tmp_path, *given), 0, set()
+    for q in itertools.chain.from_iterable(random_closed(mechanism, 10, rng) for _ in range(20)):
+        state = mechanism_at(mechanism, q)
+        if mechanism.space.outside(q).any() or state.kind != "regular" or state.near:
             continue
-        closed += 1
-        assert found.complete
-        assert "all there are" in found.statement
-        got = np.array(sorted(bar.own(x).tolist() for x in found.modes))
-        assert np.ptp(got[:, 2]) <= 1e-9
-        np.testing.assert_allclose(got[:, :2], sorted(P.tolist() for P in expected), atol=1e-8)
-        if closed < 3:
-            place = AT + bar.turn @ [*expected[0], 0]
-            back = pinsing.loops.working_modes(bar.mechanism, place[bar.rows])
-            assert len(back.modes) == bar.ways(expected[0])
-            assert back.complete
+        pose = output_pose(mechanism, q)
+        solved = {inverse: pinsing.loops.working_modes(mechanism, pose.homogeneous)}
+        if direct:
+            solved[direct] = pinsing.loops.assembly_modes(mechanism, q[list(mechanism.actuated)])
+        for by, found in solved.items():
+            assert found.complete
+            assert f"all there are, by {by}" in found.statement
+            places = [mode.pose.se3 for mode in found.modes]
+            assert any(place.isApprox(pose, 1e-6) for place in places)
+            numbers.add((by, len(places)))
+        asked += 1
+        if asked == 4:
+            break
+    assert asked == 4
+    assert max(number for _, number in numbers) > 1
 
 
 def two_slides(folder: Path, limits: tuple[float, float] = (-9, 9)) -> pinsing.robot.Mechanism:
