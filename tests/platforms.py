@@ -29,11 +29,6 @@ def turned_in_plane(angle):
     return turned(np.eye(3)[2], angle)[:2, :2]
 
 
-def lines_in_plane(a, b):
-    """Lines through two points each (N, 2): direction and moment about the origin (N, 3)."""
-    return np.column_stack([b - a, a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]])
-
-
 def named(at, e):
     return {**dict(zip("xyz", at, strict=True)), **{f"e{k}": v for k, v in enumerate(e)}}
 

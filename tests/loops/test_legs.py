@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from mechanisms import assembled, placed, shipped
+from mechanisms import assembled, closed_and_refined, placed, shipped
 from platforms import (
     Way,
     check_loci,
-    lines_in_plane,
     planar,
     random_3rps,
     random_eye,
@@ -79,19 +78,6 @@ def triangles(seed):
     return np.round(rng.uniform(-1, 1, (3, 2)), 2), np.round(rng.uniform(-0.5, 0.5, (3, 2)), 2)
 
 
-def pose_with_lines_through_a_point(base, platform, rng):
-    """A position and turn at which the three leg lines meet, from their own determinant."""
-    while True:
-        angle, y = rng.uniform(-np.pi, np.pi), rng.uniform(-1, 1)
-        b = platform @ turned_in_plane(angle).T
-        at = np.array([-1.0, 0, 1])
-        together = [np.linalg.det(lines_in_plane(base, b + np.array([x, y]))) for x in at]
-        roots = np.roots(np.polyfit(at, together, 2))
-        real = [r.real for r in roots if abs(r.imag) < 1e-9 and abs(r) < 3]
-        if real:
-            return np.array([real[0], y]), angle
-
-
 def lengths(base, platform, at, angle):
     return np.linalg.norm(at + platform @ turned_in_plane(angle).T - base, axis=1)
 
@@ -106,14 +92,17 @@ def relative(equation, values):
 def test_leg_lengths_at_which_the_lines_meet_are_on_the_locus(seed, tmp_path):
     rng = np.random.default_rng(seed)
     base, platform = triangles(seed)
-    found = input_loci(planar(tmp_path, Way("rpr", base=base, platform=platform)))
-    on = [pose_with_lines_through_a_point(base, platform, rng) for _ in range(12)]
-    on += [(rng.uniform(-1, 1, 2), -np.pi / 3)] * (seed % 2)  # turned alike, every position is
-    beside = [(rng.uniform(-1, 1, 2), rng.uniform(-np.pi, np.pi)) for _ in range(12)]
-    on, beside = (
-        [min(relative(x, lengths(base, platform, *at)) for x in found) for at in poses]
-        for poses in (on, beside)
-    )
+    mechanism = planar(tmp_path, Way("rpr", base=base, platform=platform)).without_limits()
+    found = input_loci(mechanism)
+    on, beside = [], []
+    for asked, q, kind in closed_and_refined(mechanism, 16, rng, "type 2"):
+        place = on if kind == "type 2" else beside
+        if asked in ("", kind):
+            place.append(min(relative(x, q[list(mechanism.actuated)]) for x in found))
+    if seed % 2:  # turned alike, every position is
+        alike = lengths(base, platform, rng.uniform(-1, 1, 2), -np.pi / 3)
+        on.append(min(relative(x, alike) for x in found))
+    assert min(len(on), len(beside)) > 5
     # Of degree 24, so that terms cancel to many digits everywhere.
     assert max(on) < 1e-14
     assert np.median(beside) > 1e4 * max(on)

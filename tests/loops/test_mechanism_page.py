@@ -49,29 +49,12 @@ def slider_crank() -> Mechanism:
     return from_model(model, [loop], ["crank"], "head", "vx", {"piston": (0.2, 1.2)}, home)
 
 
-def spherical() -> Mechanism:
-    """Four axes through one point, the last link welded to the ground: a loop in space."""
-    model, parent, there = pin.Model(), 0, pin.SE3.Identity()
-    model.name = "spherical"
-    home = {"a": 0.4, "b": 0.7, "c": -0.5, "d": 0.9}
-    for (name, angle), turn in zip(home.items(), (0.0, 0.5, 1.1, 0.9), strict=True):
-        at = place(R=pin.rpy.rpyToMatrix(turn, 0.0, 0.0))
-        parent = model.addJoint(parent, pin.JointModelRUBZ(), at, name)
-        there = there * at * place(R=pin.rpy.rpyToMatrix(0.0, 0.0, angle))
-    for name, joint, at in (
-        ("end", parent, place()), ("ground", 0, there), ("tool", 2, place((0.0, 0.2, 0.3)))
-    ):  # fmt: skip
-        model.addFrame(pin.Frame(name, joint, 0, at, pin.FrameType.OP_FRAME))
-    return from_model(model, [Loop("ground", "end", "6d")], ["a"], "tool", "wx,wy,wz", home=home)
-
-
-MADE = {"slider_crank": slider_crank, "spherical": spherical}
-EVERY = [*SHIPPED, *MADE]
+EVERY = [*SHIPPED, "slider_crank", "bennett"]
 FEW = ("five_bar", "slider_crank")
 
 
 def mechanism_of(name: str) -> Mechanism:
-    return MADE[name]() if name in MADE else shipped(name)
+    return slider_crank() if name == "slider_crank" else shipped(name)
 
 
 def closed(mechanism: Mechanism, count: int) -> list[np.ndarray]:
