@@ -86,11 +86,6 @@ def test_the_right_page_gets_through(server):
     with pytest.raises(urllib.error.HTTPError) as refused:
         urllib.request.urlopen(f"http://127.0.0.1:{server.port}/", timeout=SECONDS)
     assert "printed in its terminal" in refused.value.read().decode()
-    evil = f"evil.com:{server.port}"
-    headers = {"Host": evil, "Origin": f"http://{evil}"}
-    for path in ("/live", f"/{token(server)}/live"):
-        for more in ({}, {"Sec_Fetch_Site": "none"}):
-            assert upgrade(server, path, **headers, **more) == 403
 
 
 def test_only_our_page_gives_a_file(server: Server) -> None:
@@ -117,11 +112,15 @@ def test_only_our_page_gives_a_file(server: Server) -> None:
     assert given == [("a.csv", 200_000)]
 
 
+EVIL = {"Host": "evil.com:7000", "Origin": "http://evil.com:7000"}
+NONE = {"Sec_Fetch_Site": "none"}
+
+
 @pytest.mark.parametrize(
     "headers",
     [
         {"Origin": ""}, {"Origin": "null"}, {"Origin": "http://["}, {"Origin": "http://evil.com"},
-        {"Origin": "http://127.0.0.1:1"}, {"Origin": "", "Sec_Fetch_Site": "none"},
+        {"Origin": "http://127.0.0.1:1"}, {"Origin": "", **NONE}, EVIL, {**EVIL, **NONE},
         {"Origin": "http://evil.com", "Sec_Fetch_Site": "same-origin"},
         {"Origin": "", "Sec_Websocket_Origin": "http://127.0.0.1"}, {"Host": "["},
         {"Host": "127.0.0.1"}, {"Host": "127.0.0.1:99999999"}, {"Host": "a@127.0.0.1:7000"},
@@ -130,16 +129,14 @@ def test_only_our_page_gives_a_file(server: Server) -> None:
 )  # fmt: skip
 def test_a_link_from_elsewhere_is_refused_before_it_is_upgraded(server, headers):
     headers = {k: v.replace("7000", str(server.port)) for k, v in headers.items()}
-    assert upgrade(server, f"/{token(server)}/live", **headers) in (400, 403)
+    for path in (f"/{token(server)}/live", "/live"):
+        assert upgrade(server, path, **headers) in (400, 403)
     assert len(server.clients) == 0
 
 
-@pytest.mark.parametrize(
-    "path", ["/", "/live", "/page.json", "/scene", "//scene", "/x/scene", "/x/live"]
-)
+@pytest.mark.parametrize("path", ["", "live", "page.json", "scene", "/scene", "x/scene", "x/live"])
 def test_without_the_token_there_is_nothing(server: Server, path: str) -> None:
-    assert raw(server, path)[0] == 403
-    assert upgrade(server, path) == 403
+    assert raw(server, f"/{path}")[0] == upgrade(server, f"/{path}") == 403
 
 
 def test_tokens_are_long_and_new_each_time(server: Server) -> None:
