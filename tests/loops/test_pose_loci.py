@@ -75,27 +75,6 @@ def test_rows_that_leave_type_1_of_hinged_legs_open_are_said(tmp_path):
     assert any("type 1 is not in these equations" in x for x in forms.notes)
 
 
-@pytest.mark.slow
-def test_families_of_a_mechanism_at_the_command_line():
-    def families(name, *more):
-        return run("families", "-v", URDF / f"{name}.urdf", "--loops", *more)
-
-    done = families("gough_stewart", "--fail-if-singular")
-    assert done.exit_code == 1
-    assert "turned by ±90° about z" in done.stdout
-    done = families("planar_3rpr", "--exact")
-    assert "x^2" in done.stdout
-    assert "meet in one point or are parallel" in " ".join(done.stdout.split())
-    assert "B1, P, B2 in line" in families("five_bar").stdout
-    done = families("bennett")
-    assert done.exit_code == 0
-    assert "rank of 9 x 4 entries below 4" in done.stdout
-    done = families("bennett", "--prove")
-    assert (done.exit_code, done.stdout) == (2, "")
-    assert "no leg has a certificate of its own" in done.stderr
-    assert families("planar_3rpr", "--latex").exit_code == 2
-
-
 OFF = 0.5
 STROKES = [("gough_stewart", 40), ("rps3", 16), ("planar_3rpr", 6)]
 
