@@ -10,7 +10,7 @@ import pytest
 from arms import draw
 from public import script
 from tiers import sampled, tiered
-from urdf_text import J, X, Y, Z, urdf
+from urdf_text import ZERO, J, X, Y, Z, chain_text, follows, urdf
 
 import pinsing
 from pinsing import load
@@ -100,7 +100,40 @@ def tree(more: str = "") -> str:
 
 
 MIMIC = '<mimic joint="hip" multiplier="-2" offset="0.25"/>'
-TOWARDS = {"TREE": tree(), "LINKED": tree(MIMIC)}
+ASIDE_LEADS = '<mimic joint="side" offset="0.7"/>'
+
+
+def led(lower: float, upper: float, multiplier: float) -> str:
+    """A leader, and a follower whose limits count."""
+    leader = J("j1", "l0", "l1", X, kind="revolute", limits=(-1, 2))
+    limits = (lower, upper)
+    follower = J("j2", "l1", "l2", X, kind="revolute", limits=limits, more=follows(1, multiplier))
+    return urdf([leader, follower])
+
+
+HINGE, AT = "revolute", (0.3, 0, 0)
+CROSSED = chain_text([(HINGE, AT, axis) for axis in (Z, Y, X, Y, Z)], (-1, 2))
+ASIDE = J("side", "l0", "s", kind=HINGE, limits=(-1, 2))
+TOWARDS = {
+    "TREE": tree(), "LINKED": tree(MIMIC),
+    # The hand stays level: its joint undoes those of shoulder and elbow, by way of another.
+    "PALLETIZER": chain_text([
+        (HINGE, (0, 0, 0.3)), (HINGE, (0.1, 0, 0.2), Y), (HINGE, (0, 0, 0.6), Y),
+        (HINGE, AT, Y, ZERO, follows(3, -0.5, 0.2)), (HINGE, (0.1, 0, 0)),
+        ("prismatic", AT, Z, ZERO, follows(4, 0.1, 0.05)), (HINGE, AT, X),
+    ], (-1, 2)),
+    "NARROW": led(-0.3, 0.4, -0.5), "APART": led(1.5, 1.9, 0.1),
+    "SHARED": CROSSED.replace('joint name="j', 'joint name="l'),  # with links, by their names
+    "ENDLESS": chain_text([
+        ("continuous", AT), ("continuous", AT, Z, ZERO, follows(1, -2, 0.6)),
+        ("continuous", AT, Y), (HINGE, AT),
+    ]),
+    "SIDE": urdf([
+        ASIDE, J("j1", "l0", "l1", AT, kind=HINGE, limits=(-1, 2)),
+        J("j2", "l1", "l2", AT, X, HINGE, (-1, 2), more=ASIDE_LEADS),
+        J("j3", "l2", "l3", AT, kind=HINGE, limits=(-1, 2)),
+    ]),
+}  # fmt: skip
 
 HUMANOIDS = (
     ("talos", "left_sole_link", "gripper_left_base_link"),
@@ -158,8 +191,10 @@ def seen_from_base(arm, q):
 
 CHAINS = (
     *HUMANOIDS,
-    *((t, b, e) for t in TOWARDS for b, e in (("foot", "hand"), ("hand", "foot"))),
-)
+    *((t, b, e) for t in ("TREE", "LINKED") for b, e in (("foot", "hand"), ("hand", "foot"))),
+    ("PALLETIZER", "l0", "l7"), ("SHARED", "l0", "l5"),
+    ("ENDLESS", "l0", "l4"), ("SIDE", "l0", "l3"),
+)  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "base", "tip"), sampled(CHAINS))

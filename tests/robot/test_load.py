@@ -9,11 +9,12 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
-from arms import draw, place, serial, told
+from arms import place, serial, told
 from golden import Golden
 from pinocchio.robot_wrapper import RobotWrapper
 from test_chains import TOWARDS
-from urdf_texts import LIMIT, chain_text, robot
+from urdf_text import ZERO, X, Z, chain_text, follows
+from urdf_texts import robot
 
 import pinsing
 from pinsing.description.catalog import find_robot
@@ -26,14 +27,10 @@ from pinsing.errors import (
     RobotFileError,
     UnknownNameError,
 )
-from pinsing.kinematics.jacobian import frame_jacobian, tip_placement
+from pinsing.kinematics.jacobian import frame_jacobian
 from pinsing.robot.load import load
 
 STEP = place((0.3, 0, 0))
-
-
-def turning(axis: str = "0 0 1", limit: str = LIMIT, more: str = "", xyz: str = "0.3 0 0") -> str:
-    return f'<origin xyz="{xyz}"/><axis xyz="{axis}"/>{limit}{more}'
 
 
 def test_nothing_to_analyse():
@@ -139,40 +136,6 @@ def test_degrees_and_millimetres_of_a_file_are_doubted():
     assert "400 m in a row: are they millimetres?" in said(400.0, 4.0)
 
 
-def test_link_and_joint_of_one_name(rng):
-    """The link is meant; and locking a joint whose name a link bears must work."""
-    joints = [("revolute", turning(a)) for a in ("0 0 1", "0 1 0", "1 0 0", "0 1 0", "0 0 1")]
-    text = chain_text(joints, ["l1", "l2", "l3", "l4", "l5"])
-    assert load(text).tip == "l5"
-    part = load(text, tip="l4", joints=["l2", "l3"])
-    q = draw(part, rng, 1)[0]
-    full = load(text, tip="l4")
-    expected = frame_jacobian(full, [0, *q, 0])[:, 1:3]
-    np.testing.assert_allclose(frame_jacobian(part, q), expected, atol=1e-12)
-
-
-# The hand stays level: its joint undoes those of shoulder and elbow, by way of another.
-PALLETIZER = chain_text([
-    ("revolute", turning("0 0 1", xyz="0 0 0.3")),
-    ("revolute", turning("0 1 0", xyz="0.1 0 0.2")),
-    ("revolute", turning("0 1 0", xyz="0 0 0.6")),
-    ("revolute", turning("0 1 0", more='<mimic joint="j3" multiplier="-0.5" offset="0.2"/>')),
-    ("revolute", turning("0 0 1", xyz="0.1 0 0")),
-    ("prismatic", turning("0 0 1", more='<mimic joint="j4" multiplier="0.1" offset="0.05"/>')),
-    ("revolute", turning("1 0 0")),
-])  # fmt: skip
-
-
-def led(lower: float, upper: float, multiplier: float) -> str:
-    """A leader and a follower, whose limits count."""
-    limit = f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/>'
-    mimic = f'<mimic joint="j1" multiplier="{multiplier}"/>'
-    return chain_text([("revolute", turning()), ("revolute", turning(limit=limit, more=mimic))])
-
-
-MADE = {
-    "PALLETIZER": PALLETIZER, "NARROW": led(-0.3, 0.4, -0.5), "APART": led(1.5, 1.9, 0.1), **TOWARDS
-}  # fmt: skip
 LOADED = Golden(Path(__file__).with_name("loaded.txt"))
 
 
@@ -184,68 +147,13 @@ def test_what_is_loaded(head):
     if "joints" in given:
         given["joints"] = [name for name in given["joints"].split(",") if name]
     try:
-        arm = load(MADE.get(robot, robot), **given)
+        arm = load(TOWARDS.get(robot, robot), **given)
     except PinsingError as error:
         LOADED.hold(head, re.sub(r"/\S*/", "", f"{type(error).__name__}: {error}"))
     else:
         LOADED.hold(head, "\n".join(told(arm)))
         if arm.coupling is None:
             assert tuple(arm.model.names)[1:] == arm.joints  # base to tip
-
-
-def test_mimic_joints_of_the_chain_follow(rng):
-    arm = load(PALLETIZER)
-    model = pin.buildModelFromXML(PALLETIZER)
-    data = model.createData()
-    tip = model.getFrameId("l7")
-    for q in draw(arm, rng, 5):
-        j4 = -0.5 * q[2] + 0.2
-        full = np.array([*q[:3], j4, q[3], 0.1 * j4 + 0.05, q[4]])
-        pin.framesForwardKinematics(model, data, full)
-        expected = data.oMf[tip].homogeneous
-        np.testing.assert_allclose(tip_placement(arm, q).homogeneous, expected, atol=1e-13)
-        follow = np.zeros((7, 5))
-        follow[[0, 1, 2, 4, 6], range(5)] = 1
-        follow[[3, 5], 2] = -0.5, -0.05
-        J = pin.computeFrameJacobian(model, data, full, tip, pin.LOCAL_WORLD_ALIGNED) @ follow
-        np.testing.assert_allclose(frame_jacobian(arm, q), J, atol=1e-12)
-
-
-def test_a_leader_outside_the_chain():
-    side = (
-        f'<link name="s"/><joint name="side" type="revolute"><parent link="l0"/><child link="s"/>'
-        f'<axis xyz="0 0 1"/>{LIMIT}</joint>'
-    )
-    joints = [("revolute", turning("0 0 1"))] * 3
-    joints.insert(1, ("revolute", turning("1 0 0", more='<mimic joint="side" offset="0.7"/>')))
-    arm = load(chain_text(joints, more=side), tip="l4")
-    assert arm.joints == ("j1", "j3", "j4")
-    assert any("j2" in note and "outside the chain" in note for note in arm.notes)
-    axis = frame_jacobian(arm, np.zeros(3))[3:, 2]
-    np.testing.assert_allclose(axis, [0, -np.sin(0.7), np.cos(0.7)], atol=1e-12)
-
-
-def test_a_continuous_pair(rng):
-    joints = [
-        ("continuous", turning("0 0 1", limit="")),
-        ("continuous", turning("0 0 1", limit="", more='<mimic joint="j1" multiplier="-2"/>')),
-        ("continuous", turning("0 1 0", limit="")),
-    ]
-    arm = load(chain_text(joints))
-    assert arm.joints == ("j1", "j3")
-    assert np.isinf(arm.upper).all()
-    q = draw(arm, rng, 1)[0]
-    R = pin.utils.rotate("z", -q[0]) @ pin.utils.rotate("y", q[1])
-    np.testing.assert_allclose(tip_placement(arm, q).rotation, R, atol=1e-13)
-    joints = [
-        ("continuous", turning("0 0 1", limit="")),
-        ("continuous", turning("0 0 1", limit="", more='<mimic joint="j1" offset="0.6"/>')),
-        ("revolute", turning("0 0 1")),
-    ]  # a locked follower stands at its offset
-    arm = load(chain_text(joints), tip="l3", joints=["j3"])
-    np.testing.assert_allclose(
-        tip_placement(arm, [0.0]).rotation, pin.utils.rotate("z", 0.6), atol=1e-13
-    )
 
 
 def test_folding_by_whole_turns():
@@ -396,7 +304,7 @@ def test_any_object_with_a_model():
         load(SimpleNamespace(model="ur5"))
     with pytest.raises(TypeError):
         load(RobotWrapper)
-    text = chain_text([("revolute", turning()), ("revolute", turning(more=MIMIC))])
+    text = chain_text([("revolute", X), ("revolute", X, Z, ZERO, follows(1, -2, 0.25))])
     model = pin.buildModelFromXML(text, mimic=True)
     assert any("Mimic" in j.shortname() for j in model.joints)
     with pytest.raises(PinsingError, match="mimic=False"):
@@ -501,11 +409,11 @@ def test_parts_of_the_whole_model(rng):
     assert pinsing.singular_values(exact, full[None]).shape == (1, 6)
 
 
-MIMIC = '<mimic joint="j1" multiplier="-2" offset="0.25"/>'
-
-
 def test_mimic_joints_follow_in_the_whole_model_too():
-    arm = load(chain_text([("revolute", turning(more=x)) for x in ("", MIMIC, "")]), task="vx,vy")
+    arm = load(
+        chain_text([("revolute", X, Z, ZERO, more) for more in ("", follows(1, -2, 0.25), "")]),
+        task="vx,vy",
+    )
     assert (arm.n, arm.source.full_model.nq) == (2, 3)
     full = arm.full_q([0.1, 0.7])
     assert np.allclose(full, [0.1, -0.2 + 0.25, 0.7])
