@@ -2,6 +2,7 @@
 
 import copy
 import functools
+import itertools
 import operator
 import re
 
@@ -103,56 +104,33 @@ def place_of(forms, *cases, **sums):
     return {"forms": forms, **none, "cases": cases, **sums}
 
 
-def mutants(name, every=True):
-    """What is changed, and the certificate with that changed; with ``every`` also what long
-    certificates may do without."""
+def _others(value):
+    """What else may stand in a place of a certificate."""
+    if isinstance(value, list):
+        for k in range(len(value)):
+            yield value[:k] + value[k + 1 :]
+            yield value[:k] + value[k : k + 2][::-1] + value[k + 2 :]
+    elif isinstance(value, int):
+        yield from (value - 1, value + 1)
+    elif value in ("family", "place"):
+        yield "nowhere"
+    elif re.match("-?[0-9]", value):
+        yield from (_sign(value), value.translate({ord("x"): "y", ord("y"): "x"}), f"{value} 1")
+
+
+def _places(data, *path):
+    """All of what stands in a certificate, and where."""
+    value = functools.reduce(operator.getitem, path, data)
+    if not isinstance(value, dict):
+        yield path, value
+    if isinstance(value, dict | list):
+        for key in value if isinstance(value, dict) else range(len(value)):
+            yield from _places(data, *path, key)
+
+
+def mutants(name, step):
+    """Certificates with one thing changed, moved or left out: each so many of all such."""
     true = certificate(name)
-    for k, family in enumerate(true["families"]):
-        data = without(true, "families", k)
-        for place in data["places"]:
-            for case in place["cases"]:
-                if case[3] == "family" and case[4] >= k:
-                    case[4] = max(0, case[4] - 1)
-        yield f"without family {k}", data
-        for i, form in enumerate(family["forms"]):
-            text = true["polynomials"][form]
-            joints = {*re.findall(r"[xy](\d+)", text)}
-            if len(re.findall("[xy]", text)) > 2 or len(joints) > 1:
-                continue  # no joint's value
-            (joint,) = joints
-            moved = f"100x{joint} 1y{joint}" if "y" in text else f"1x{joint} 1/100y{joint}"
-            data = put(true, [*true["polynomials"], moved], "polynomials")
-            data["families"][k]["forms"][i] = len(data["polynomials"]) - 1
-            yield f"family {k} with another value of {text}", data
-        if every:
-            more = {**family, "least_codimension": family["least_codimension"] + 1}
-            yield f"family {k} smaller", put(true, more, "families", k)
-            yield f"family {k} larger", without(true, "families", k, "forms", -1)
-    for i, place in enumerate(true["places"]):
-        cases = place["cases"]
-        for k, case in enumerate(cases):
-            yield f"place {i} without case {k}", without(true, "places", i, "cases", k)
-            for b, other in enumerate(cases[:k]):
-                # Where a case is too small whatever comes after it, a place for it is no lie.
-                if case[3:] != other[3:] and "nowhere" not in (case[3], other[3]):
-                    swapped = [*cases]
-                    swapped[k], swapped[b] = case[:3] + other[3:], other[:3] + case[3:]
-                    data = put(true, swapped, "places", i, "cases")
-                    yield f"place {i} with cases {k} and {b} swapped", data
-            if every and case[3] != "nowhere":
-                data = put(true, [*case[:3], "nowhere", 0], "places", i, "cases", k)
-                yield f"place {i} with case {k} nowhere", data
-        for key in ("of_forms", "of_minors", "of_resultants") if every else ():
-            for k in range(len(place[key])):
-                yield f"place {i} without number {k} {key}", without(true, "places", i, key, k)
-    for k, text in enumerate(true["polynomials"]):
-        yield f"polynomial {k} with another sign", put(true, _sign(text), "polynomials", k)
-        mirrored = text.translate({ord("x"): "y", ord("y"): "x"})
-        yield f"polynomial {k} mirrored", put(true, mirrored, "polynomials", k)
-    changes = [*(("rank", rank) for rank in range(7)), ("rows", true["rows"][1:])]
-    for key, value in [*changes, ("rows", true["rows"][:-1]), ("axes", 40), ("square_roots", [5])]:
-        if value != true[key]:
-            yield f"{key} {value}", put(true, value, key)
-    for i, link in enumerate(true["chain"]):
-        turned = link["rotation"][0][0] + " 1"
-        yield f"link {i} not turned", put(true, turned, "chain", i, "rotation", 0, 0)
+    changes = ((v, path) for path, value in _places(true) for v in _others(value) if v != value)
+    for value, path in itertools.islice(changes, 0, None, step):
+        yield path, put(true, value, *path)

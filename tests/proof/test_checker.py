@@ -161,6 +161,7 @@ WRONG = {
         ]
         for lines in ("row", "column")
     },
+    ("square_roots",): [[5]],
     ("families", 0, "pivot"): [[[]]],
     ("families", 0, "least_codimension"): ["1", None, [], 10**30],
     ("families", 0, "multiples"): [[["10"]]],
@@ -288,19 +289,17 @@ def test_every_key_counts(ur5):
             assert verdict({**ur5, key: value}), (key, value)
 
 
-MUTATED = ["ur5", "stanford", "scara", "planar3r position"]
+MUTATED = {"scara": 4, "planar3r position": 7, "stanford": 4, "ur5": 1, "planar3r tip": 1}
+MUTATED |= {"surgical7": 9, "iiwa14": 9, "panda": 49}
+"""Each so many of an arm's mutants."""
 
 
-@pytest.mark.parametrize(
-    "name", tiered([*MUTATED, "surgical7", "iiwa14", "panda", "planar3r tip"], MUTATED[1:])
-)
+@pytest.mark.parametrize("name", tiered(MUTATED, [*MUTATED][:3]))
 def test_nothing_may_change(name):
-    count = 0
-    for what, data in mutants(name, name in MUTATED or "tip" in name):
-        rejected = verdict(data)
-        assert rejected or "mirrored" in what or "tip" in name, what
-        count += bool(rejected)
-    assert count >= 15
+    """Both checkers say the same of each, and of few that it is as true: bounds that are less."""
+    rejected = [bool(verdict(data)) for _, data in mutants(name, MUTATED[name])]
+    assert len(rejected) > 50
+    assert sum(rejected) > 0.85 * len(rejected)
 
 
 def determinant(data):
