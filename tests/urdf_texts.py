@@ -1,7 +1,5 @@
 """URDF texts for the tests: one good arm of three links, with one place to put a defect."""
 
-from collections.abc import Iterable
-from itertools import zip_longest
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -26,16 +24,6 @@ def robot(*joints: str, links: str = "abc", extra: str = "", head: str = 'name="
     body = "".join(f'<link name="{link}"/>' for link in links)
     tested = "\n".join(joints) if joints else joint()
     return f"<robot {head}>\n{body}\n\n{first}\n{tested}\n{extra}</robot>\n"
-
-
-def chain_text(joints: Iterable[tuple[str, str]], names: Iterable[str] = (), more: str = "") -> str:
-    """Return a URDF of a chain: joints as (type, what is inside), links l0, l1, ..."""
-    rows = zip_longest(joints, names)
-    parts = [
-        f'<link name="l{i}"/>' + joint(name or f"j{i}", f"l{i - 1}", f"l{i}", kind, inner)
-        for i, ((kind, inner), name) in enumerate(rows, 1)
-    ]
-    return "\n".join(['<robot name="test"><link name="l0"/>', *parts, more, "</robot>"])
 
 
 def make_package(tmp_path: Path) -> Path:

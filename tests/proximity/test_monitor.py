@@ -22,7 +22,7 @@ from command_line import python, run, started
 from golden import Golden
 from kernel import needs_kernel
 from singular_sets import Joint, arm_of, build, closed, sliding_equation
-from urdf_texts import LIMIT, chain_text
+from urdf_text import ZERO, Z, chain_text, follows
 
 import pinsing
 from pinsing._batch import engine
@@ -451,11 +451,9 @@ def test_what_is_no_joint_is_noted_so_often_at_the_most(form):
 
 @pytest.mark.parametrize(("head", "unit"), [("{}.pos", 1), ("{} (deg)", np.degrees(1))])
 def test_joints_that_contradict_the_description_are_noted(head, unit):
-    axis = f'<axis xyz="0 0 1"/>{LIMIT}'
-    mimic = axis + '<mimic joint="j1" multiplier="-2" offset="0.25"/>'
-    kinds = ["revolute"] * 3 + ["prismatic", "revolute"]
-    parts = list(zip(kinds, (axis, mimic, axis, axis, axis), strict=True))
-    arm = pinsing.load(chain_text(parts), task="vx,vy", joints=["j1", "j5"])
+    hinge, follower = ("revolute", ZERO), ("revolute", ZERO, Z, ZERO, follows(1, -2, 0.25))
+    text = chain_text([hinge, follower, hinge, ("prismatic", ZERO), hinge], (-1, 2))
+    arm = pinsing.load(text, task="vx,vy", joints=["j1", "j5"])
     notes = []
     reader = Reader(arm, False, notes.append)
     reader.read(",".join("j4" if k == 4 else head.format(f"j{k}") for k in range(1, 6)))

@@ -22,7 +22,7 @@ from links import get
 from pages import baked
 from pinocchio.visualize import MeshcatVisualizer
 from tiers import tiered
-from urdf_texts import chain_text
+from urdf_text import ZERO, Y, chain_text
 
 import pinsing
 from pinsing.cli import output
@@ -129,10 +129,8 @@ def test_bones_stand_for_a_mesh_that_is_missing_or_broken(file, tmp_path):
         '<joint name="fixed" type="fixed"><parent link="l2"/><child link="extra"/>'
         '<origin xyz="0.3 0 0"/></joint>'
     )
-    axis = '<axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="1" velocity="1"/>'
-    place = f'<origin xyz="0.4 0 0.1"/>{axis}'
-    joints = [("revolute", axis), ("revolute", place)]
-    (tmp_path / "arm.urdf").write_text(chain_text(joints, more=mesh))
+    text = chain_text([("revolute", ZERO, Y), ("revolute", (0.4, 0, 0.1), Y)], (-2, 2))
+    (tmp_path / "arm.urdf").write_text(text.replace("</robot>", f"{mesh}</robot>"))
     arm = load(tmp_path / "arm.urdf", task="vx,vz")
     with Viewer(arm) as viewer:
         page = viewer._page(live=False)
