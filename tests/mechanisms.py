@@ -1,4 +1,4 @@
-"""Mechanisms that the tests share, and the paper's formulas of its 5R as an independent check."""
+"""Mechanisms that the tests share, and what is computed of linkages by hand."""
 
 import functools
 from collections.abc import Iterator, Mapping
@@ -165,14 +165,3 @@ def circles(c1: Any, r1: float, c2: Any, r2: float) -> list[np.ndarray]:
     h = np.sqrt(r1**2 - a**2)
     u = (c2 - c1) / d
     return [c1 + a * u + s * h * np.array([-u[1], u[0]]) for s in (1, -1)]
-
-
-def paper_point(q1: float, q2: float) -> tuple[float, float]:
-    """P of the paper's 5R as Section 3.2.3 prints it: the upper intersection."""
-    e = R1 * (np.sin(q1) - np.sin(q2)) / (2 * R3 + R1 * np.cos(q2) - R1 * np.cos(q1))
-    f = R1 * R3 * (np.cos(q1) + np.cos(q2)) / (2 * R3 + R1 * np.cos(q2) - R1 * np.cos(q1))
-    d = 1 + e**2
-    g = 2 * (e * f - e * R1 * np.cos(q1) + e * R3 - R1 * np.sin(q1))
-    h = f**2 - 2 * f * (R1 * np.cos(q1) - R3) - 2 * R1 * R3 * np.cos(q1) + R3**2 + R1**2 - R2**2
-    y = (np.sqrt(g**2 - 4 * d * h) - g) / (2 * d)
-    return e * y + f, y
