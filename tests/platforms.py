@@ -176,7 +176,8 @@ def rps(folder, base, hinges, platform, rows="vz, wx, wy", driven="p"):
 
 
 def random_3rps(folder, seed):
-    return rps(folder, *hinged(np.random.default_rng(seed)))
+    # Without limits: a leg may reach with a negative length.
+    return rps(folder, *hinged(np.random.default_rng(seed))).without_limits()
 
 
 def eye(folder, base, middle, outer):
