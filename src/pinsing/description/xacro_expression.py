@@ -424,7 +424,11 @@ class _Walk:
             any(word.arg is None for word in node.keywords), "'**' is not accepted in an expression"
         )
         values = [self.value(part) for part in node.args]
-        return call(*first, *values, **{str(w.arg): self.value(w.value) for w in node.keywords})
+        words = {str(w.arg): self.value(w.value) for w in node.keywords}
+        try:
+            return call(*first, *values, **words)
+        except TypeError as error:  # some of ours have no name
+            raise TypeError(str(error).replace("<lambda>", ast.unparse(target))) from None
 
     def items(self, body: ast.expr, generators: list[ast.comprehension]) -> Iterator[Any]:
         """Yield the items of a comprehension; the innermost loop comes last."""

@@ -287,7 +287,7 @@ class _MjcfReader:
         )
         self.source.refuse_if(
             self.names.setdefault((kind, name), node) is not node,
-            f"two {kind}s are named {show(name)}: rename one",
+            f"another {kind} is named {show(name)}, too: rename one",
             node,
         )
         return name
@@ -442,6 +442,9 @@ class _MjcfReader:
             limited == "auto" and self.compiler["autolimits"] == "false",
             f'{what} has a range, and autolimits is "false": add limited="true" or "false"',
             element,
+        )
+        self.source.refuse_if(
+            "range" not in node.attributes, f"{what} is limited, but has no range", element
         )
         self.source.refuse_if(
             not lower < upper,
