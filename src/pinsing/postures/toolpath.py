@@ -53,12 +53,11 @@ _THINNED = 6
 """One value and one pose in so many are looked at first."""
 _ENOUGH = np.radians(0.5)
 """Radians between the path and the bound at which values are no longer divided."""
-_NODES = {
+_FOUND = {
     **dict.fromkeys(("clear", "likely", "highest"), -np.inf),
-    **{"usable": False, "seen": True},
-    **dict.fromkeys(("between", "off"), np.inf),
+    **{"between": np.inf, "seen": True},
 }
-"""What is kept of each node (N, G, S), and where there is none."""
+"""What is found out of each node, and what there is without one."""
 _HALVED = 6
 """Times that a motion between poses is halved to prove it clear."""
 _LONG = 20_000
@@ -309,7 +308,11 @@ def _placed(planner: _Planner, ranges: Mapping[str, tuple[float, float]]) -> Pat
 
 
 class _Planner:
-    """The grid of one toolpath: nodes (N, G, S), their clearance, and which are neighbours."""
+    """Nodes (N, M) of the poses of a toolpath, their clearance, and which are neighbours.
+
+    At first each value of what is free has the same number of ``slots``; what is divided of these
+    nodes has one row for each pose as well, and ends in places without a node.
+    """
 
     def __init__(
         self,
@@ -387,7 +390,7 @@ class _Planner:
         # The less, the fewer poses have a solution.
         found = self._chosen()
         if isinstance(found, str):
-            return float(self.usable.any(axis=(1, 2)).mean()) - 1
+            return float(self.usable.any(axis=1).mean()) - 1
         return self._proven(found[1])[0]
 
     def plan(self, start: ArrayLike | str | None) -> PathPlan:
@@ -434,7 +437,7 @@ class _Planner:
         bound = max(bound, proven)
         turned = self.arm.space.wrap(q)  # many turns would read as degrees
         notes += self._strayed(q) + self._sunken(turned)
-        near, kept = clearance(self.form, turned[round(where)]), self._kept(self.first)
+        near, kept = clearance(self.form, turned[round(where)]), self._kept()
         family = str(near.nearest)
         return replace(
             self._none("", notes),
@@ -454,13 +457,16 @@ class _Planner:
     def _shown(self) -> Array:
         """Return the greatest clearance (N, G) over the branches, of poses with room for one."""
         # Of long paths estimated at some poses, and taken over for those behind them.
-        likely = np.where(self.usable, self.likely, -np.inf)
-        more = self.usable & ~self.seen & (self.highest > likely.max(axis=2, keepdims=True))
+        shape = len(self.T), len(self.grid), self.slots
+        usable, likely, highest, seen = (
+            x.reshape(shape) for x in (self.usable, self.likely, self.highest, self.seen)
+        )
+        likely = np.where(usable, likely, -np.inf)
+        more = usable & ~seen & (highest > likely.max(axis=2, keepdims=True))
         every = 1 + int(more.sum()) // _SHOWN
         likely, more = likely[::every], more[::every]
-        likely[more] = np.minimum(
-            self.highest[::every][more], self._closest(self.Q[::every][more])[0]
-        )
+        q = self.Q.reshape(*shape, -1)[::every][more]
+        likely[more] = np.minimum(highest[::every][more], self._closest(q)[0])
         rolled = zip(likely.max(axis=2), self.rolled[::every], strict=True)
         return np.repeat([np.roll(x, k) for x, k in rolled], every, axis=0)[: len(self.T)]
 
@@ -524,18 +530,20 @@ class _Planner:
         self.turns: Ints = np.zeros((1, 0), dtype=int)
         self.reached = self.relaxed = -np.inf
         self.long = False
-        self.values = np.broadcast_to(self.grid, (len(self.T), len(self.grid)))
         position, rotation = self._targets(self.T, self.grid)
-        self.Q = self.solver.solve(
+        Q = self.solver.solve(
             position, rotation, None if self.held is None else self.grid,
             lambda k, n: self.progress("inverse kinematics", k, n),
         )  # fmt: skip
-        at = self._started()
+        if self.start is not None:
+            Q, at = self._started(Q, self.start)
+        self.slots, self.Q = Q.shape[2], Q.reshape(len(Q), -1, self.arm.n)
+        self.values = np.broadcast_to(np.repeat(self.grid, self.slots), self.Q.shape[:2])
         self._bounds()
         self.first = np.isfinite(self.clear[0])
         if self.start is not None:
             self.first[:] = False
-            self.first[self.kept, at] = True
+            self.first[self.kept * self.slots + at] = True
         elif self.posture is not None:
             self.first[self.first] = self.posture.has_posture(self.Q[0][self.first])
         self.idle = self.cyclic and self._roll_moves_the_last_joint()
@@ -546,18 +554,16 @@ class _Planner:
         self._link()
         return self.path()
 
-    def _started(self) -> int:
-        """Make the start the solution it is of the first pose; the number of its slot."""
-        if self.start is None:
-            return 0
-        q = self.arm.space.fold(self.arm.space.wrap(self.start))
-        apart = np.abs(self.arm.space.wrap(self.Q[0, self.kept] - q)).max(axis=-1)
+    def _started(self, Q: Array, start: Array) -> tuple[Array, int]:
+        """Make the start the solution it is of the first pose: Q (N, G, S, n), and its slot."""
+        q = self.arm.space.fold(self.arm.space.wrap(start))
+        apart = np.abs(self.arm.space.wrap(Q[0, self.kept] - q)).max(axis=-1)
         at = int(np.nan_to_num(apart, nan=np.inf).argmin())
         if not apart[at] < CLOSE:  # near a singular configuration none may have been found
-            self.Q = np.pad(self.Q, ((0, 0), (0, 0), (0, 1), (0, 0)), constant_values=np.nan)
-            at = -1
-        self.Q[0, self.kept, at] = q
-        return at
+            at = len(apart)
+            Q = np.pad(Q, ((0, 0), (0, 0), (0, 1), (0, 0)), constant_values=np.nan)
+        Q[0, self.kept, at] = q
+        return Q, at
 
     def path(self) -> tuple[Array, Array] | str:
         """Return values (N,) and configurations (N, n) of the best path; else a reason."""
@@ -565,9 +571,9 @@ class _Planner:
             path = self._searched()
             if isinstance(path, str):
                 return path
-            i, s, turns = path
-            poses = np.arange(len(self.T))
-            q = self._unwrapped(self.Q[poses, i, s], turns)
+            node, turns = path
+            at = np.arange(len(self.T)), node
+            q = self._unwrapped(self.Q[at], turns)
             beyond = np.asarray(self.arm.space.outside(q).any(axis=0))
             if not beyond.any() and self.relaxed > self.reached + STEP:
                 # What others seem to have may be beyond the limits of the joint that winds most.
@@ -575,7 +581,7 @@ class _Planner:
                 wound = np.where(free, 0.0, np.ptp(q, axis=0))
                 beyond = wound >= max(wound.max(), np.pi)
             if not beyond.any():
-                return self.values[poses, i], q
+                return self.values[at], q
             self._count_turns(beyond)
 
     def _none(self, reason: str, notes: Sequence[str]) -> PathPlan:
@@ -603,9 +609,7 @@ class _Planner:
         """Bound the clearance of all nodes: ``clear`` from below, ``highest`` from above."""
         self.clear, self.highest = np.full((2, *self.Q.shape[:-1]), -np.inf)
         self.between, self.off = np.full((2, *self.clear.shape), np.inf)
-        rows = max(1, 50_000 // self.clear[0].size)  # some poses at a time, for all processors
-        for first in range(0, len(self.Q), rows):
-            k = slice(first, first + rows)
+        for k in self._blocks():
             there, q = np.isfinite(self.Q[k, ..., 0]), self.Q[k]
             found = quick(self.watched, q[there])
             self.clear[k][there], self.highest[k][there] = found.lower, found.upper
@@ -613,7 +617,12 @@ class _Planner:
         self.usable = self.off <= 0
         self.likely, self.seen = self.clear.copy(), ~np.isfinite(self.clear)
 
-    def _searched(self) -> tuple[Ints, Ints, Ints] | str:
+    def _blocks(self) -> list[slice]:
+        """Some poses at a time, for all processors."""
+        rows = max(1, 50_000 // self.clear.shape[1])
+        return [slice(first, first + rows) for first in range(0, len(self.T), rows)]
+
+    def _searched(self) -> tuple[Ints, Ints] | str:
         """Return the best path on the grid; else why there is none."""
         # What surely has less clearance than a path on a part of the grid, or else than the best of
         # all, is not refined.
@@ -643,24 +652,24 @@ class _Planner:
                 if (few & self.crowded[1:]).any():  # from more nodes each, of fewer
                     self.least = least
                     continue
-            found = self._certify(path)
+            found = self._certify(path[0])
             if found >= self.reached - BISECTED:
                 return path
             self.least = max(self.least, found - BISECTED)
 
-    def _certify(self, path: tuple[Ints, Ints, Ints]) -> float:
-        """Search at a path's nodes, and return the path's clearance."""
+    def _certify(self, node: Ints) -> float:
+        """Search at a path's nodes (N,), and return the path's clearance."""
         # A singular configuration found from one of them is near to others of its pose, too.
-        at = (np.arange(len(self.T)), *path[:2])
+        at = np.arange(len(self.T)), node
         more = self.usable[at] & (self.highest[at] > self.clear[at] + CLOSE)
-        node = tuple(x[more & (self.highest[at] >= self.least)] for x in at)
-        found, near = certified(self.watched, self.Q[node], SearchOptions(gap=CLOSE))
-        self.clear[node] = np.maximum(self.clear[node], found.lower)
-        self.seen[node] = True
-        less = found.upper < self.highest[node] - _ALIKE
-        self.highest[node] = np.minimum(self.highest[node], found.upper)
-        self.likely[node] = self.highest[node]
-        for k, q, family in zip(*(x[less] for x in (node[0], near, found.family)), strict=True):
+        some = tuple(x[more & (self.highest[at] >= self.least)] for x in at)
+        found, near = certified(self.watched, self.Q[some], SearchOptions(gap=CLOSE))
+        self.clear[some] = np.maximum(self.clear[some], found.lower)
+        self.seen[some] = True
+        less = found.upper < self.highest[some] - _ALIKE
+        self.highest[some] = np.minimum(self.highest[some], found.upper)
+        self.likely[some] = self.highest[some]
+        for k, q, family in zip(*(x[less] for x in (some[0], near, found.family)), strict=True):
             self._lower(k, q, family)
             self.known.append((k * self.every, q, family))
         np.minimum(self.likely, self.highest, out=self.likely)
@@ -676,73 +685,49 @@ class _Planner:
         columns = _THINNED
         if self.cyclic:
             columns = max(d for d in range(1, _THINNED + 1) if len(self.grid) % d == 0)
-        coarse = copy.copy(self)
         rows = _THINNED if len(self.T) > _THINNED**2 else 1
-        for name in _NODES:  # views: what is found out here is known there
-            setattr(coarse, name, getattr(self, name)[::rows, ::columns])
-        coarse.Q = np.ascontiguousarray(self.Q[::rows, ::columns])
-        coarse.grid, coarse.T, coarse.t = self.grid[::columns], self.T[::rows], self.t[::rows]
-        coarse.every = rows
-        if len(coarse.T) < 2 or coarse.clear.size * _THINNED > self.clear.size:
+        nodes = np.arange(len(self.grid))[::columns, None] * self.slots + np.arange(self.slots)
+        of = np.ix_(range(0, len(self.T), rows), nodes.ravel())
+        if len(of[0]) < 2 or self.clear[of].size * _THINNED > self.clear.size:
             return -np.inf
-        coarse._link()
-        coarse.first, coarse.least = np.isfinite(coarse.clear[0]), -np.inf
-        return -np.inf if isinstance(coarse._searched(), str) else coarse.reached
+        part = copy.copy(self)
+        for name in ("Q", "values", "usable", "off", *_FOUND):
+            setattr(part, name, getattr(self, name)[of])
+        part.grid, part.T, part.t = self.grid[::columns], self.T[::rows], self.t[::rows]
+        part.every = rows
+        part._link()
+        part.reach *= columns  # it only says what is looked for first
+        part.first, part.least = np.isfinite(part.clear[0]), -np.inf
+        found = part._searched()
+        for name in _FOUND:
+            getattr(self, name)[of] = getattr(part, name)
+        return -np.inf if isinstance(found, str) else part.reached
 
     def _estimate_all(self, least: float) -> None:
         """Estimate the clearance of nodes that may have ``least``."""
         # Steps may end beside the nearest point: ``likely``, the estimate, is an upper bound.
         # ``highest`` is what no node exceeds: the bound of other paths rests on it.
-        together = max(1, 50_000 // self.clear[0].size)
-        for first in range(0, len(self.Q), together):
-            part = slice(first, first + together)
-            self._carry(part)
+        for part in self._blocks():
             rows = self.highest[part] > np.maximum(self.clear[part] * (1 + _ALIKE), least)
-            rows &= ~self.seen[part]
-            if rows.any():
-                k, at = np.nonzero(rows.reshape(len(rows), -1))
-                k, q = k + first, self.Q[part][rows]
-                upper, near = self._closest(q)
-                most = np.maximum(self.clear[part][rows], upper)
-                most = np.minimum(self.highest[part][rows], most)
-                self.likely[part][rows] = self.highest[part][rows] = most
-                self.seen[part][rows] = True
-                halves = _unturned(self._neighbors(k, at) - q[:, None], self.whole) / 2
-                self.between[part][rows] = self._halfway(q - near, halves, upper, self.way[k, at])
-            self._carry(part)
-            np.minimum(self.likely[part], self.highest[part], out=self.likely[part])
-        self.alive = self._linked(least)
-
-    def _halfway(self, off: Array, halves: Array, upper: Array, way: Array) -> Array:
-        """The most clearance (M,) there may be ``halves`` (M, 2, n) away, to both neighbours."""
-        # ``upper`` is found ``off`` (M, n) from nodes: as far more as the ends are from there, and
-        # half as far as the branch bends; infinite if that is as much as it is long.
-        farther = self._size(off[:, None] + halves).max(axis=1) - self._size(off)
-        bend = self._size(halves.sum(axis=1)) / 2
-        return np.where(2 * bend < way, upper + np.maximum(farther, 0) + bend, np.inf)
-
-    def _carry(self, poses: slice) -> None:
-        """Bound the clearance of nodes of poses by that of those they are a step away from."""
-        for k in range(max(1, poses.start), min(poses.stop, len(self.Q))):
-            most = self.highest[k - 1].ravel()[self.before[k]] + self.step[k]
-            self.highest[k] = np.fmin(self.highest[k], most.reshape(self.highest[k].shape))
-
-    def _linked(self, least: float) -> Bool:
-        """Which nodes (N, G S) others that may have ``least`` lead to and on from."""
-        rooms = map(self._room, range(len(self.Q)))
-        alive: Bool = np.array([(room > -np.inf) & (room >= least) for room in rooms])
-        if least == -np.inf:
-            return alive
-        alive[0] &= self.first.ravel()
-        for k in (*range(1, len(alive)), *range(len(alive) - 1, 0, -1)):
-            if not self.far[k]:
-                here = np.flatnonzero(alive[k])
-                source = self._sources(k, here)
-                came = alive[k - 1][source]
-                alive[k, here] = came.any(axis=0)
-                alive[k - 1] = False
-                alive[k - 1, source[came]] = True
-        return alive
+            k, at = node = np.nonzero(rows & ~self.seen[part])
+            k += part.start
+            q = self.Q[node]
+            upper, near = self._closest(q)
+            most = np.minimum(self.highest[node], np.maximum(self.clear[node], upper))
+            self.likely[node] = self.highest[node] = most
+            self.seen[node] = True
+            # The most that there may be halfway to both neighbours: as far more than ``upper`` as
+            # the ends are from the point found there, and half as far as the branch bends; infinite
+            # if that is as much as it is long.
+            halves, off = _unturned(self._neighbors(k, at) - q[:, None], self.whole) / 2, q - near
+            farther = self._size(off[:, None] + halves).max(axis=1) - self._size(off)
+            bend = self._size(halves.sum(axis=1)) / 2
+            most = upper + np.maximum(farther, 0) + bend
+            self.between[node] = np.where(2 * bend < self.way[node], most, np.inf)
+        for k in range(1, len(self.Q)):  # by that of those they are a step away from
+            most = self.highest[k - 1, self.before[k]] + self.step[k]
+            self.highest[k] = np.fmin(self.highest[k], most)
+        np.minimum(self.likely, self.highest, out=self.likely)
 
     def _unreached(self) -> str | None:
         """The first pose without a usable node, in words."""
@@ -750,8 +735,8 @@ class _Planner:
             return (
                 f"start is outside the limits of {listed(np.array(self.arm.joints)[out].tolist())}"
             )
-        reached = np.isfinite(self.clear).any(axis=(1, 2))
-        within = self.usable.any(axis=(1, 2))
+        reached = np.isfinite(self.clear).any(axis=1)
+        within = self.usable.any(axis=1)
         if within.all():
             return None
         k = int(np.argmin(within))
@@ -782,27 +767,30 @@ class _Planner:
 
     # -- the path ---------------------------------------------------------------------------------
 
-    def _best_path(self, floor: float) -> tuple[Ints, Ints, Ints] | str:
-        """Return values, slots and turns (N,) of the best path; else why there is none.
+    def _best_path(self, floor: float) -> tuple[Ints, Ints] | str:
+        """Return nodes and turns (N,) of the best path; else why there is none.
 
         ``relaxed`` bounds paths between the grid's values: nodes have half of the way to their
         neighbours more, and one value more may be passed at a time. Values below ``floor`` are left
         out.
         """
-        N, G, S = self.clear.shape
+        N, M = self.clear.shape
         self.crowded: Bool = np.zeros(N, dtype=bool)
-        nodes = np.stack([self.likely[0].ravel(), self._room(0)])[..., None]
-        begin = self.first.reshape(-1, 1) & self._within(0, np.arange(G * S))
+        nodes = np.stack([self.likely[0], self._room(0)])[..., None]
+        begin = self.first[:, None] & self._within(0, np.arange(M))
         best = np.where(begin, nodes, -np.inf)
         back: list[tuple[Ints, Ints]] = []
-        self.through, reason = np.full((N, G * S), -np.inf), ""
+        self.through, reason = np.full((N, M), -np.inf), ""
         self.through[0] = best[1].max(axis=-1)
         self.reached = self.relaxed = -np.inf
         for k in range(1, N):
             room = self._room(k)
-            here = np.flatnonzero(self.alive[k] & (room >= floor))
+            here = np.flatnonzero((room > -np.inf) & (room >= floor))
             self._pool(k, here, floor)
-            new, from_, other = self._onward(k, here, best, room, floor)
+            source = self._sources(k, here)
+            led = (self.through[k - 1, source] > -np.inf).any(axis=0)
+            here, source = here[led], source[:, led].copy()
+            new, from_, other = self._onward(k, here, source, best, room, floor)
             if not (reason or np.isfinite(new).any()):
                 reason = "none" if self.edges else self._why(k, best[0])
             best = np.full(best.shape, -np.inf)
@@ -815,24 +803,22 @@ class _Planner:
         self.reached, self.relaxed = float(best[0].max()), float(best[1].max())
         if reason:
             return reason
-        at, path = int(best[0].argmax()), np.zeros(N, dtype=int)
+        path = np.full(N, best[0].argmax())
         for k in range(N - 1, 0, -1):
-            path[k], (here, from_) = at, back[k - 1]
-            node, turn = divmod(at, best.shape[2])
-            at = int(from_[np.searchsorted(here, node), turn])
-        path[0] = at
-        i, s, turns = np.unravel_index(path, (G, S, best.shape[2]))
-        return i, s, turns
+            here, from_ = back[k - 1]
+            node, turn = divmod(path[k], best.shape[2])
+            path[k - 1] = from_[np.searchsorted(here, node), turn]
+        return np.divmod(path, best.shape[2])
 
     def _onward(
-        self, k: int, here: Ints, best: Array, room: Array, floor: float
+        self, k: int, here: Ints, source: Ints, best: Array, room: Array, floor: float
     ) -> tuple[Array, Ints, Array]:
         """Return what paths to nodes ``here`` (M,) of pose k have, from where, and relaxed."""
-        # Each is (M, T); ``best`` (2, G S, T) is what they have at the pose before.
-        source = self._sources(k, here)
+        # Motions begin at ``source`` (D, M).
+        # Each is (M, T); ``best`` (2, M, T) is what they have at the pose before.
         new, other = np.empty((2, len(here), len(self.turns)))
         from_ = np.empty(new.shape, dtype=np.int64)
-        nodes = self.likely[k].ravel()[here], room[here], self._within(k, here)
+        nodes = self.likely[k, here], room[here], self._within(k, here)
         states = best, *nodes, floor, _MARGIN, new, from_, other
         proofs, bounds = self._motions(k, here).onward(
             source, self._is_far(k, here, source), *states
@@ -841,12 +827,11 @@ class _Planner:
         keep = np.ones(len(long), dtype=bool)
         if self.long and not self.edges:  # between values that are not all alike
             every = max(1, round(len(self.grid) * _COARSE[1] / (2 * np.pi)))
-            T, S = len(self.turns), self.Q.shape[2]
-            ends = np.stack([here[proofs[0] // T], proofs[2] // T]) // S
+            ends = np.stack([here[proofs[0] // len(self.turns)], proofs[2] // len(self.turns)])
+            ends //= self.slots
             keep = ~long | (ends % every == 0).all(axis=0)
         if long.any():
-            share = len(here) / (len(self.T) * max(1, int((room >= floor).sum())))
-            most = max(int(_LONG * share), self.Q.shape[2])
+            most = max(_LONG // len(self.T), self.slots)
             if (long & keep).sum() > most:  # those that lack the least
                 keep &= ~long | (proofs[3] <= np.partition(proofs[3][long & keep], most)[most])
         cell, held, edge = (x[keep] for x in proofs[:3])
@@ -860,12 +845,11 @@ class _Planner:
 
     def _motions(self, k: int, here: Ints) -> Any:
         """Return motions to nodes ``here`` (M,) of a pose for the kernel."""
-        n = self.arm.n
-        Q = self.Q[k - 1].reshape(-1, n), self.Q[k].reshape(-1, n)[here]
-        near, to = (np.stack([self.clear[i].ravel(), 0.55 * self.way[i]]) for i in (k - 1, k))
+        near, to = (np.stack([self.clear[i], 0.55 * self.way[i]]) for i in (k - 1, k))
         joints = np.stack([self.turn, self.scale, self._farthest(k)])
         turns = np.flatnonzero(self.counted), self.turns
-        return engine.module().Motions(*Q, near, to[:, here].copy(), joints, *turns)
+        nodes = self.Q[k - 1], self.Q[k, here], near, to[:, here].copy()
+        return engine.module().Motions(*nodes, joints, *turns)
 
     def _pool(self, k: int, here: Ints, floor: float) -> None:
         """Look at motions to nodes ``here`` (M,) of a pose far from the last from all, if few."""
@@ -878,9 +862,8 @@ class _Planner:
 
     def _cap(self, k: int, here: Ints, node: Ints, source: Ints, slack: Array) -> Array:
         """Bound the clearance (K,) on motions near those from sources to nodes of ``here``."""
-        Q = (x.reshape(-1, self.arm.n) for x in (self.Q[k - 1], self.Q[k]))
-        q, to = (x[at] for x, at in zip(Q, (source, here[node]), strict=True))
-        return self._least_seen(q, self._gap(to - q)) + slack
+        q = self.Q[k - 1, source]
+        return self._least_seen(q, self._gap(self.Q[k, here[node]] - q)) + slack
 
     def _least_seen(self, q: Array, move: Array, close: bool = False) -> Array:
         """Return the least bound of the clearance (M,) at three places of motions (M, n)."""
@@ -905,7 +888,7 @@ class _Planner:
             return self.edges[k][:, here].astype(np.int64, order="C")
         if (pool := self.pool[k]) is not None:
             return np.repeat(pool[:, None], len(here), axis=1)
-        whole, ends = self.Q.shape[2] * self.long, [self.before[k, here]] * 2
+        whole, ends = self.slots * self.long, [self.before[k, here]] * 2
         found = [ends[0], *self.before[k][self.beside[k][:, here]]]
         found += [here // whole * whole + s for s in range(whole)]
         for _ in range(self.window + 1 if len(self.grid) > 1 else 0):
@@ -919,23 +902,19 @@ class _Planner:
             far = np.zeros(source.shape, dtype=bool)
             far[len(far) - 2 * (len(self.grid) > 1) :] = True
             return far
-        S = self.Q.shape[2]
-        off = self.values[k, here // S] - self.values[k - 1][source // S]
+        off = self.values[k, here] - self.values[k - 1][source]
         off -= 2 * np.pi * np.rint(off / (2 * np.pi)) if self.cyclic else 0.0
         return np.asarray(np.abs(off) > self.reach + ROUNDING)
 
     def _within(self, k: int, here: Ints) -> Bool:
         """Which turns of nodes (M,) of pose k a path may have, and one between (2, M, T)."""
-        q = self.Q[k].reshape(-1, 1, self.arm.n)[here][..., self.counted] + 2 * np.pi * self.turns
+        q = self.Q[k, here][:, None, self.counted] + 2 * np.pi * self.turns
         low, high = (
             x[self.counted] for x in (self.arm.lower - ROUNDING, self.arm.upper + ROUNDING)
         )
         off = np.maximum(low - q, q - high).max(axis=-1, initial=-np.inf)
         room = 0.55 * self.way[k, here]
-        out = (
-            np.maximum(off, self.off[k].reshape(-1, 1)[here])
-            <= np.stack([0 * room, room])[..., None]
-        )
+        out = np.maximum(off, self.off[k, here, None]) <= np.stack([0 * room, room])[..., None]
         if k == 0 and self.start is not None:
             out &= (np.abs(q - self.start[self.counted]) < np.pi).all(axis=-1)
         return np.ascontiguousarray(out)  # which joints are counted decides how it lies
@@ -955,7 +934,7 @@ class _Planner:
         N, n = len(self.T), self.arm.n
         if len(self.grid) < 2 or self.idle:
             return None
-        least, clear = max(reached + BISECTED, self.floor), self.clear.reshape(N, -1)
+        least, clear = max(reached + BISECTED, self.floor), self.clear
         wide = np.array([len(self._sources(max(k, 1), np.arange(1))) for k in range(N)])
         nodes = np.minimum(self.most // N, self.motions // (3 * wide * N))  # at each pose
 
@@ -979,7 +958,7 @@ class _Planner:
             return None
         pose, at = np.nonzero(alive)
         pieces = np.full((len(pose), 5, n), np.nan)
-        pieces[:, 2] = self.Q.reshape(N, -1, n)[pose, at]
+        pieces[:, 2] = self.Q[pose, at]
         some = np.flatnonzero(split[pose, at])
         thirds = self._thirds(pose[some], at[some])
         whole = np.isfinite(thirds[:, 1:4]).all(axis=(1, 2))
@@ -996,7 +975,7 @@ class _Planner:
         near = np.where(np.isnan(ends), self._neighbors(pose, at), ends)
         moved = self._length(q - pieces[node, 2])
         half = self.half[pose, at] / np.where(new, 3, 1)
-        value = self.values[pose, at // self.Q.shape[2]] + 2 * side * half
+        value = self.values[pose, at] + 2 * side * half
         if self.held is not None:
             value = q[:, self.held]
             ends = np.nan_to_num(near[..., self.held] - value[:, None])
@@ -1015,20 +994,21 @@ class _Planner:
         way = self.way[pose, at]
         way[new] = self._longer(near[new] - q[new, None])
         out.way = laid(way, 0.0)
-        out.Q = laid(q, np.nan)[:, :, None]
-        of = {name: getattr(self, name).reshape(alive.shape)[pose, at] for name in _NODES}
+        out.Q, out.slots = laid(q, np.nan), 1
+        of = {name: getattr(self, name)[pose, at] for name in _FOUND}
         aside = moved > 0
         found = quick(self.watched, q[aside])
         of["clear"][aside] = np.maximum(found.lower, (of["clear"] - moved)[aside])
         of["highest"][aside] = np.minimum(found.upper, (of["highest"] + moved)[aside])
         of["likely"][aside] = of["clear"][aside]
-        of["between"][new], of["off"] = np.inf, self._beyond(q)
+        of["between"][new] = np.inf
         of["seen"] &= ~new
-        of["usable"] = of["off"] <= 0
-        for name, fill in _NODES.items():
-            setattr(out, name, laid(of[name], fill)[:, :, None])
-        out.first = np.zeros((most, 1), dtype=bool)
-        out.first[slot[pose == 0], 0] = self.first.ravel()[at[pose == 0]]
+        for name, fill in _FOUND.items():
+            setattr(out, name, laid(of[name], fill))
+        out.off = laid(self._beyond(q), np.inf)
+        out.usable = out.off <= 0
+        out.first = np.zeros(most, dtype=bool)
+        out.first[slot[pose == 0]] = self.first[at[pose == 0]]
         part = np.full((*alive.shape, 3), -1)
         part[pose, at] = np.where(new[:, None], part[pose, at], slot[:, None])
         part[pose, at, third] = slot
@@ -1041,19 +1021,19 @@ class _Planner:
             how = out.half[k - 1], self.reach + ROUNDING, self.cyclic, most - 1, out.before[k]
             edges = engine.module().divided(self._sources(k, here), part[k - 1], *spans, *how)
             out.edges.append(edges.reshape(-1, len(here)))
-        out.step = laid(self._length(q - out.Q[pose - 1, out.before[pose, slot], 0]), 0.0)
+        out.step = laid(self._length(q - out.Q[pose - 1, out.before[pose, slot]]), 0.0)
         return out
 
     def _thirds(self, pose: Ints, at: Ints) -> Array:
         """Return configurations (M, 5, n) about nodes (M,), a third of a step apart, or NaN."""
         n, count = self.arm.n, np.array([-2, -1, 1, 2])
-        q = self.Q.reshape(len(self.T), -1, n)[pose, at][:, None]
+        q = self.Q[pose, at][:, None]
         near = self._neighbors(pose, at)
         toward = np.nan_to_num(self.arm.space.wrap(near - q))
         unknown = self._length(toward)[..., None] == 0  # straight on from the other side
         toward = np.where(unknown, -toward[:, ::-1], toward)[:, [0, 0, 1, 1]]
         guess = q + toward * np.abs(count)[:, None] / 3
-        value = self.values[pose, at // self.Q.shape[2]][:, None]
+        value = self.values[pose, at][:, None]
         value = value + count * (2 / 3) * self.half[pose, at][:, None]
         p, R = self._targets(self.T[pose], value)
         found = self.solver.continued(
@@ -1077,7 +1057,7 @@ class _Planner:
         return np.asarray(np.maximum(way[..., 0], way[..., -1]))
 
     def _passed(self, least: float) -> Array:
-        """Return the most room (N, G S) of paths through nodes, where that is more than ``least``.
+        """Return the most room (N, M) of paths through nodes, where that is more than ``least``.
 
         Found once, with the first ``least`` asked for.
         """
@@ -1095,18 +1075,17 @@ class _Planner:
         return self.passing
 
     def _link(self) -> None:
-        """Find the neighbours of all nodes, and the longer ``way`` (N, G S) along the grid."""
-        # ``beside`` (N, 2, G S) them both ways, and of their value at the pose ``before`` (N, G S).
+        """Find the neighbours of all nodes, and the longer ``way`` (N, M) along the grid."""
+        # ``beside`` (N, 2, M) them both ways, and of their value at the pose ``before`` (N, M).
         # From all nodes of poses ``far`` (N,) from the one before motions are looked at.
-        N, G, S = self.clear.shape
-        self.beside, self.way = np.empty((N, 2, G * S), dtype=np.int32), np.zeros((N, G * S))
+        (N, M), G = self.clear.shape, len(self.grid)
+        self.beside, self.way = np.empty((N, 2, M), dtype=np.int32), np.zeros((N, M))
         self.ended = np.zeros(self.beside.shape, dtype=bool)
-        self.before, self.step = np.empty((N, G * S), dtype=np.int32), np.zeros((N, G * S))
-        flat = self.Q.reshape(N, G * S, -1)
+        self.before, self.step = np.empty((N, M), dtype=np.int32), np.zeros((N, M))
         self.window = 0 if G == 1 else min(G // 2, max(3, -(-_TURNS * G // N)))
         steps = np.diff(self.grid) if G > 1 else np.zeros(1)
         half = np.fmax(np.append(steps, steps[-1:]), np.append(steps[:1], steps))[:G] / 2
-        self.half = np.broadcast_to(np.repeat(half, S), self.way.shape)
+        self.half = np.broadcast_to(np.repeat(half, self.slots), self.way.shape)
         self.reach = self.window * steps.max() if self.window < G // 2 else np.inf
         self.pool: list[Ints | None] = [None] * N
         self.most = max(self.clear.size, 400_000) // 4
@@ -1115,46 +1094,42 @@ class _Planner:
         ends = self.ended.copy()
         found = self.before, self.step, self.beside, ends, self.way, engine.cpu_count()
         how = self.turn, self.whole, self.scale, self.cyclic
-        engine.module().link_nodes(self.Q, *how, *found)
-        self.ended = ends & (self.beside != np.arange(G * S)) & (not self.cyclic)
+        engine.module().link_nodes(self.Q.reshape(N, G, self.slots, -1), *how, *found)
+        self.ended = ends & (self.beside != np.arange(M)) & (not self.cyclic)
         k, at = np.nonzero(self.ended.any(axis=1))
-        near = self._neighbors(k, at) - flat[k, at][:, None]
+        near = self._neighbors(k, at) - self.Q[k, at][:, None]
         near[(ends & ~self.ended)[k, :, at]] = np.nan
         self.way[k, at] = self._longer(near)
-        nodes = np.isfinite(self.clear).reshape(self.step.shape)
+        nodes = np.isfinite(self.clear)
         far = (nodes & ~(self.step <= _COARSE[1])).sum(axis=1) > nodes.sum(axis=1) / 2
         self.far = far & (not self.rough)
         if self.start is not None:
             self.way[0] = 0.0
 
     def _room(self, k: int) -> Array:
-        """Return the most clearance (G S,) that there may be up to halfway to a neighbouring value.
+        """Return the most clearance (M,) that there may be up to halfway to a neighbouring value.
 
         As far as the ends are from the point that was found, and twice how far the branch bends; a
         tenth more than half of the chord where no point was looked for.
         """
         way = 0.55 * self.way[k] * (not self.idle)  # the last joint changes no clearance
-        room = np.minimum(self.highest[k].ravel() + way, self.between[k].ravel())
-        return np.where(self.off[k].ravel() <= 0.55 * self.way[k], room, -np.inf)
+        room = np.minimum(self.highest[k] + way, self.between[k])
+        return np.where(self.off[k] <= 0.55 * self.way[k], room, -np.inf)
 
-    def _neighbors(self, k: int | Ints, at: Ints) -> Array:
+    def _neighbors(self, k: Ints, at: Ints) -> Array:
         """Return configurations (M, 2, n) on both sides of nodes (M,), two half widths away."""
         if self.edges:
             return np.asarray(self.near[k, at])
-        Q = self.Q.reshape(len(self.Q), -1, self.arm.n)
-        if self.cyclic and isinstance(k, int):
-            return np.asarray(Q[k][self.beside[k][:, at].T])
-        k = np.broadcast_to(k, at.shape)
         link = self.beside[k, :, at]
-        near: Array = Q[k[:, None], link]
+        near: Array = self.Q[k[:, None], link]
         if self.cyclic:
             return near
         # A branch goes on beyond the value of a joint where it turns back, straight on from here
         # as far as its middle moved between the last two values at most.
         ended = self.ended[k, :, at]
         m, j = np.nonzero(ended & ~ended[:, ::-1])
-        q, to, k = Q[k[m], at[m]], near[m, j], k[m]
-        other = to - Q[k, self.beside[k, 1 - j, link[m, j]]]
+        q, to, k = self.Q[k[m], at[m]], near[m, j], k[m]
+        other = to - self.Q[k, self.beside[k, 1 - j, link[m, j]]]
         on, other, across = (self.arm.space.wrap(x) for x in (q - near[m, 1 - j], other, to - q))
         size, far = self._length(on), self._length(across)
         share = (far + np.minimum(self._length(on + other), size)) / np.where(size > 0, size, 1.0)
@@ -1178,8 +1153,8 @@ class _Planner:
             cell, value, edge = cell[more], value[more], edge[more]
             at = np.unique(cell, return_index=True)[1]
             pairs = (k - 1, edge[at] // T), (k, here[cell[at] // T])
-            q, to = (self.Q[i].reshape(-1, self.arm.n)[x] for i, x in pairs)
-            clear, move = [self.clear[i].ravel()[x] for i, x in pairs], self._gap(to - q)
+            q, to = (self.Q[pair] for pair in pairs)
+            clear, move = [self.clear[pair] for pair in pairs], self._gap(to - q)
             found = np.minimum(value[at], self._least_seen(q, move))
             value[at] = -np.inf
             better = found > new[cell[at]]
@@ -1222,7 +1197,7 @@ class _Planner:
         if self.counted.any():
             wound = " or ".join(names[self.counted])
             return f"every path to pose {k} winds {wound} beyond its limits"
-        source = np.isfinite(best).any(axis=-1).reshape(self.usable[k].shape)
+        source = np.isfinite(best).any(axis=-1)
         target = self.usable[k]
         q, to = self.Q[k - 1][source], self.Q[k][target]
         if not len(q) or not len(to):
@@ -1282,22 +1257,23 @@ class _Planner:
 
     # -- what others reach ------------------------------------------------------------------------
 
-    def _kept(self, first: Bool) -> Array:
+    def _kept(self) -> Array:
         """Return clearance (B, N) at poses with what is free kept, of each branch it may begin on.
 
         NaN from where there is no solution, or no motion to the next pose that is clear, slow
         enough, and within the limits.
         """
         i = (self.kept - self.rolled) % len(self.grid)
-        rows = np.zeros_like(self.seen)
-        rows[range(len(i)), i] = ~self.seen[range(len(i)), i]
+        poses, nodes = np.arange(len(i)), i[:, None] * self.slots + np.arange(self.slots)
+        at = poses[:, None], nodes
+        rows = tuple(x[~self.seen[at]] for x in np.broadcast_arrays(*at))
         self.likely[rows] = np.minimum(self.highest[rows], self._closest(self.Q[rows])[0])
-        slots = [np.flatnonzero(self.usable[0, i[0]] & first[i[0]])]
+        slots = [nodes[0, self.usable[0, nodes[0]] & self.first[nodes[0]]]]
         for k in range(1, len(i)):  # the nearest ones
-            gap = self.Q[k, i[k]] - self.Q[k - 1, i[k - 1], slots[-1]][:, None]
-            way = np.where(self.usable[k, i[k]], self._length(gap), np.inf)
-            slots.append(way.argmin(axis=1))
-        at = range(len(i)), i, np.stack(slots, axis=1)
+            gap = self.Q[k, nodes[k]] - self.Q[k - 1, slots[-1]][:, None]
+            way = np.where(self.usable[k, nodes[k]], self._length(gap), np.inf)
+            slots.append(nodes[k, way.argmin(axis=1)])
+        at = poses, np.stack(slots, axis=1)
         q, clear = self.Q[at], self.clear[at]
         move = self._gap(np.diff(q, axis=1))
         path = np.concatenate([q[:, :1], q[:, :1] + np.cumsum(move, axis=1)], axis=1)
