@@ -170,7 +170,6 @@ def _squared(a: Exacts) -> Exacts:
 
 MOST = 800_000
 """Boxes after which a proof is given up."""
-_DEGREES = (4, 8)
 
 
 def _discriminant(c0: Array, c1: Array, c2: Array, c3: Array, sign: float = 1.0) -> Array:
@@ -263,16 +262,6 @@ class Point:
         """The same as floats, for what is asked at configurations Q (N, n) of the arm."""
         exact = ("e", "tau", "constant", "cosine", "sine")
         return replace(self, **{name: getattr(self, name).astype(float) for name in exact})
-
-    @property
-    def parallel(self) -> bool:
-        """True if the first two axes are."""
-        return not self.e[:2].any()
-
-    @property
-    def crossing(self) -> bool:
-        """True if the first two axes meet in a point."""
-        return not self.parallel and not self.tau[:2].any()
 
     @property
     def height(self) -> Exacts:
@@ -400,11 +389,11 @@ class Point:
 
     def expanded(self) -> tuple[Array, Array, Array]:
         """The discriminant as a sum of cosines in q2 and q3: amplitudes, phases, rates (T, 2)."""
-        shape = tuple(4 * d for d in _DEGREES)
-        grid = np.stack(np.meshgrid(*(2 * np.pi / m * np.arange(m) for m in shape), indexing="ij"))
-        values = self.discriminant(grid.reshape(2, -1).T).reshape(shape)
+        most, last = 4, 8  # degrees in q2 and q3
+        grid = np.indices((4 * most, 4 * last)) * np.pi / 2 / np.reshape([most, last], (2, 1, 1))
+        values = self.discriminant(grid.reshape(2, -1).T).reshape(grid.shape[1:])
         # Terms with j = 0 come twice, once with i and once with -i.
-        (most, last), waves = _DEGREES, np.fft.rfft2(values) / values.size
+        waves = np.fft.rfft2(values) / values.size
         places = np.indices((2 * most + 1, last + 1)).reshape(2, -1)
         i, j = places[0] - most, places[1]
         terms = np.where(j > 0, 2, 1) * waves[i, j]
@@ -418,7 +407,7 @@ def ways_of(chain: ExactChain, w: Exacts) -> tuple[SolutionStage, ...] | None:
     if (point := Point.of(chain, w)) is None:
         return None
     m, third, second = point.numbers, chain.order[2], chain.order[1]
-    if point.parallel:
+    if not point.e[:2].any():  # the first two axes are parallel
         if not point.height.any() or not point.tau[:2].any():
             return None
         said = "the first two axes are parallel: the height of the point depends on"
@@ -428,7 +417,7 @@ def ways_of(chain: ExactChain, w: Exacts) -> tuple[SolutionStage, ...] | None:
             return (last,)
         first = f"{said} joint {third + 1} alone, which has two values"
         return SolutionStage("elbow", third, lambda Q: m.third(Q)[1][:, 2], first), last
-    if point.crossing:
+    if not point.tau[:2].any():  # the first two axes meet in a point
         if not point.h.any():
             return None
         first = (

@@ -982,19 +982,10 @@ class _Planner:
             ends = (np.abs(ends).max(axis=1) + np.abs(ends.sum(axis=1))) / 2
             half = np.where(new, ends, half)
 
-        def laid(x: Array, fill: float) -> Array:
-            """One row for each pose."""
-            rows = np.full((N, most, *x.shape[1:]), fill, dtype=x.dtype)
-            rows[pose, slot] = x
-            return rows
-
         out = copy.copy(self)
         out.floor, out.least, out.passing, out.far = least, least, None, np.zeros(N, dtype=bool)
-        out.values, out.half, out.near = laid(value, 0.0), laid(half, 0.0), laid(near, np.nan)
         way = self.way[pose, at]
         way[new] = self._longer(near[new] - q[new, None])
-        out.way = laid(way, 0.0)
-        out.Q, out.slots = laid(q, np.nan), 1
         of = {name: getattr(self, name)[pose, at] for name in _FOUND}
         aside = moved > 0
         found = quick(self.watched, q[aside])
@@ -1003,10 +994,13 @@ class _Planner:
         of["likely"][aside] = of["clear"][aside]
         of["between"][new] = np.inf
         of["seen"] &= ~new
-        for name, fill in _FOUND.items():
-            setattr(out, name, laid(of[name], fill))
-        out.off = laid(self._beyond(q), np.inf)
-        out.usable = out.off <= 0
+        of |= {"Q": q, "near": near, "values": value, "half": half, "way": way}
+        of["off"] = self._beyond(q)
+        for name, x in of.items():  # a row for each pose
+            rows = np.full((N, most, *x.shape[1:]), _FOUND.get(name, np.nan), dtype=x.dtype)
+            rows[pose, slot] = x
+            setattr(out, name, rows)
+        out.usable, out.slots = out.off <= 0, 1
         out.first = np.zeros(most, dtype=bool)
         out.first[slot[pose == 0]] = self.first[at[pose == 0]]
         part = np.full((*alive.shape, 3), -1)
@@ -1021,7 +1015,8 @@ class _Planner:
             how = out.half[k - 1], self.reach + ROUNDING, self.cyclic, most - 1, out.before[k]
             edges = engine.module().divided(self._sources(k, here), part[k - 1], *spans, *how)
             out.edges.append(edges.reshape(-1, len(here)))
-        out.step = laid(self._length(q - out.Q[pose - 1, out.before[pose, slot]]), 0.0)
+        out.step = np.zeros((N, most))
+        out.step[pose, slot] = self._length(q - out.Q[pose - 1, out.before[pose, slot]])
         return out
 
     def _thirds(self, pose: Ints, at: Ints) -> Array:

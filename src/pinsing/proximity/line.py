@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -90,22 +90,8 @@ class Line:
         return found[:, 0], found[:, 1:-1], found[:, -1]
 
 
-@dataclass(frozen=True, eq=False)
-class Tracked:
-    """Places s (N,) of a line, configurations (N, n), and their rates dq/ds (N, n)."""
-
-    s: Array
-    q: Array
-    rate: Array
-
-    def ended(self, q: Array, s: float) -> Tracked:
-        """Return the same with an end at which joints that turn back have infinite rates."""
-        # They move as the root of what is left of the line, the others in proportion to it.
-        left = np.abs(q - self.q[-1])
-        rate = np.where((left > 1e-15) & (left > 1e-3 * left.max()), np.inf, self.rate[-1])
-        keep = self.s < s
-        Q, rates = np.vstack([self.q[keep], q]), np.vstack([self.rate[keep], rate])
-        return Tracked(np.append(self.s[keep], s), Q, rates)
+Tracked: TypeAlias = tuple[Array, Array, Array]
+"""Places s (N,) of a line, configurations (N, n), and their rates dq/ds (N, n)."""
 
 
 def span(arm: Arm) -> float | None:
@@ -149,7 +135,8 @@ def track(arm: Arm, line: Line, q: Array) -> Tracked:
         if ahead is None:
             break
         s, q = 1.0 if 1.0 - (s + step) < 1e-14 else s + step, ahead
-    return Tracked(*(np.array(part) for part in zip(*passed, strict=True)))
+    places, Q, rates = (np.array(part) for part in zip(*passed, strict=True))
+    return places, Q, rates
 
 
 def _step(arm: Arm, line: Line, scale: Array, q: Array, s: float, ahead: Array) -> Array | None:
@@ -415,22 +402,22 @@ def check_line(
             f"the line starts at a singular configuration{where}: which way the joints go from "
             "there is not determined; begin beside it"
         )
-    tracked = track(arm, line, q)
-    outcome, family, located = ("reached", "", False)
-    if tracked.s[-1] < 1.0:
+    tracked, outcome, family, located = track(arm, line, q), "reached", "", False
+    if tracked[0][-1] < 1.0:
         tracked, family, located = _end(watched, arm, line, tracked)
         outcome = "singular" if family else "undecided"
-    s = tracked.s * line.length
+    share, Q, rates = tracked
+    s = share * line.length
     passage = Passage(watched, near)
-    passage.feed(s, tracked.q, 0, len(s), True)
+    passage.feed(s, Q, 0, len(s), True)
     passage.finish()
-    too_fast, allowed = _speeds(arm, tracked, s, speed, line.length)
+    too_fast, allowed = _speeds(arm, rates / line.length, s, speed)
     return LineCheck(
         arm=summarize(arm),
         length=line.length,
         outcome=outcome,
         s_end=float(s[-1]),
-        q_end=tracked.q[-1],
+        q_end=Q[-1],
         family=family,
         located=located,
         crossings=tuple(passage.crossings),
@@ -441,15 +428,16 @@ def check_line(
         too_fast=too_fast,
         allowed_speed=allowed,
         s=s,
-        q=tracked.q,
-        notes=_notes(arm, tracked, outcome, watched.gaps, away, longest),
+        q=Q,
+        notes=_notes(arm, Q, outcome, watched.gaps, away, longest),
         tube=watched.tube,
     )
 
 
 def _end(watched: Watched, arm: Arm, line: Line, tracked: Tracked) -> tuple[Tracked, str, bool]:
     """Where the line really ends: on the family that is nearest where the tracking stopped."""
-    q, s = tracked.q[-1], float(tracked.s[-1])
+    places, Q, rates = tracked
+    q, s = Q[-1], float(places[-1])
     found = sorted((float(f.distance(q).upper), i) for i, f in enumerate(watched.families))
     for distance, i in found:
         if distance > 0.2:  # Clearance at a stall beyond which no family is to blame
@@ -457,18 +445,22 @@ def _end(watched: Watched, arm: Arm, line: Line, tracked: Tracked) -> tuple[Trac
         branches: tuple[Branch, ...] = watched.families[i].branches
         for branch in branches:
             if (end := landing(arm, line, branch, q, s)) is not None:
-                return tracked.ended(*end), watched.names[i], True
+                # Joints that turn back there move as the root of what is left of the line, with
+                # infinite rates, the others in proportion to it.
+                left = np.abs(end[0] - q)
+                turned = (left > 1e-15) & (left > 1e-3 * left.max())
+                last, keep = np.where(turned, np.inf, rates[-1]), places < end[1]
+                Q, rates = np.vstack([Q[keep], end[0]]), np.vstack([rates[keep], last])
+                return (np.append(places[keep], end[1]), Q, rates), watched.names[i], True
     if found and found[0][0] < 1e-3:
         return tracked, watched.names[found[0][1]], False
     return tracked, "", False
 
 
-def _speeds(
-    arm: Arm, tracked: Tracked, s: Array, speed: float, length: float
-) -> tuple[tuple[Overspeed, ...], float]:
+def _speeds(arm: Arm, rate: Array, s: Array, speed: float) -> tuple[tuple[Overspeed, ...], float]:
+    """Where joints are too fast, by their rates (N, n) per metre of the line, and what none is."""
     limits = limits_of(arm)
-    rate = np.abs(tracked.rate) / length  # per metre of the line
-    rate = np.where(np.isfinite(rate), rate, np.inf)
+    rate = np.where(np.isfinite(rate), np.abs(rate), np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):
         allowed = np.where(rate > 0, limits / rate, np.inf)
     allowed = np.nan_to_num(allowed, nan=np.inf, posinf=np.inf)
@@ -493,7 +485,7 @@ def _edge(s: Array, allowed: Array, i: int, side: int, speed: float) -> float:
 
 
 def _notes(
-    arm: Arm, tracked: Tracked, outcome: str, gaps: list[str], away: float, longest: float | None
+    arm: Arm, Q: Array, outcome: str, gaps: list[str], away: float, longest: float | None
 ) -> tuple[str, ...]:
     notes = []
     if outcome != "reached" and longest is not None and away > longest + 1e-9:
@@ -506,7 +498,7 @@ def _notes(
             "the tracking stopped and no family is there: the posture may jump to another branch, "
             "or the target be out of reach"
         )
-    left = arm.space.outside(tracked.q).any(axis=0)
+    left = arm.space.outside(Q).any(axis=0)
     notes += [f"{arm.joints[j]} leaves its limits" for j in np.flatnonzero(left)]
     if arm.prismatic.any():
         notes.append(metric_note(arm.length_scale))
