@@ -709,8 +709,8 @@ class _Planner:
         # ``highest`` is what no node exceeds: the bound of other paths rests on it.
         for part in self._blocks():
             rows = self.highest[part] > np.maximum(self.clear[part] * (1 + _ALIKE), least)
-            k, at = node = np.nonzero(rows & ~self.seen[part])
-            k += part.start
+            pose, at = node = np.nonzero(rows & ~self.seen[part])
+            pose += part.start
             q = self.Q[node]
             upper, near = self._closest(q)
             most = np.minimum(self.highest[node], np.maximum(self.clear[node], upper))
@@ -719,7 +719,8 @@ class _Planner:
             # The most that there may be halfway to both neighbours: as far more than ``upper`` as
             # the ends are from the point found there, and half as far as the branch bends; infinite
             # if that is as much as it is long.
-            halves, off = _unturned(self._neighbors(k, at) - q[:, None], self.whole) / 2, q - near
+            halves = _unturned(self._neighbors(pose, at) - q[:, None], self.whole) / 2
+            off = q - near
             farther = self._size(off[:, None] + halves).max(axis=1) - self._size(off)
             bend = self._size(halves.sum(axis=1)) / 2
             most = upper + np.maximum(farther, 0) + bend
