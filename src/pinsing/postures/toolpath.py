@@ -713,18 +713,19 @@ class _Planner:
             pose += part.start
             q = self.Q[node]
             upper, near = self._closest(q)
-            most = np.minimum(self.highest[node], np.maximum(self.clear[node], upper))
-            self.likely[node] = self.highest[node] = most
+            most = np.maximum(self.clear[node], upper)
+            self.likely[node] = self.highest[node] = np.minimum(self.highest[node], most)
             self.seen[node] = True
             # The most that there may be halfway to both neighbours: as far more than ``upper`` as
             # the ends are from the point found there, and half as far as the branch bends; infinite
             # if that is as much as it is long.
             halves = _unturned(self._neighbors(pose, at) - q[:, None], self.whole) / 2
-            off = q - near
-            farther = self._size(off[:, None] + halves).max(axis=1) - self._size(off)
+            ends = (q - near)[:, None] + halves
+            farther = self._size(ends).max(axis=1) - self._size(q - near)
             bend = self._size(halves.sum(axis=1)) / 2
-            most = upper + np.maximum(farther, 0) + bend
-            self.between[node] = np.where(2 * bend < self.way[node], most, np.inf)
+            self.between[node] = np.where(
+                2 * bend < self.way[node], upper + np.maximum(farther, 0) + bend, np.inf
+            )
         for k in range(1, len(self.Q)):  # by that of those they are a step away from
             most = self.highest[k - 1, self.before[k]] + self.step[k]
             self.highest[k] = np.fmin(self.highest[k], most)
