@@ -716,9 +716,8 @@ class _Planner:
             most = np.maximum(self.clear[node], upper)
             self.likely[node] = self.highest[node] = np.minimum(self.highest[node], most)
             self.seen[node] = True
-            # The most that there may be halfway to both neighbours: as far more than ``upper`` as
-            # the ends are from the point found there, and half as far as the branch bends; infinite
-            # if that is as much as it is long.
+            # The most that there may be halfway to both neighbours: as far more as the ends are
+            # from the point found, and half as far as branches bend; infinite where they bend much.
             halves = _unturned(self._neighbors(pose, at) - q[:, None], self.whole) / 2
             ends = (q - near)[:, None] + halves
             farther = self._size(ends).max(axis=1) - self._size(q - near)
@@ -815,8 +814,7 @@ class _Planner:
     def _onward(
         self, k: int, here: Ints, source: Ints, best: Array, room: Array, floor: float
     ) -> tuple[Array, Ints, Array]:
-        """Return what paths to nodes ``here`` (M,) of pose k have, from where, and relaxed."""
-        # Motions begin at ``source`` (D, M).
+        """Return what paths from ``source`` (D, M) to nodes ``here`` (M,) have, whence, relaxed."""
         # Each is (M, T); ``best`` (2, M, T) is what they have at the pose before.
         new, other = np.empty((2, len(here), len(self.turns)))
         from_ = np.empty(new.shape, dtype=np.int64)
