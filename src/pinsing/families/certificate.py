@@ -324,7 +324,8 @@ class Tree:
     """Finds the tree, over a certificate that states chain, rank, reduction and families."""
 
     def __init__(self, draft: Draft, progress: Callable[[str], None] | None = None) -> None:
-        self.draft, self.ring, self._progress = draft, draft.ring, progress
+        self.draft, self.ring = draft, draft.ring
+        self._progress = progress or (lambda text: None)
         self.families = [draft.forms(f) for f in draft.data["families"]]
         # Relations, if no family has more, beyond which a place is not split: splits that say
         # nothing new go on for ever.
@@ -332,7 +333,7 @@ class Tree:
         self._fixed = [{*self.ring.where(family)[0]} for family in self.families]
         self._ids = MadeOfEqual()
         self._toward = {self._id(draft.tidy(p)) for family in self.families for p in family}
-        self._places: dict[tuple[bool, frozenset[int]], Place | NotFound | None] = {}
+        self._places: dict[tuple[bool, frozenset[int]], Place | NotFound] = {}
 
     def _id(self, form: Poly) -> int:
         """The same number for equal forms."""
@@ -348,10 +349,7 @@ class Tree:
             return None
         key = points, frozenset(map(self._id, place.forms))
         if key in self._places:
-            known = self._places[key]
-            if known is None:
-                raise NotFound("a place leads to itself")
-            if isinstance(known, NotFound):
+            if isinstance(known := self._places[key], NotFound):
                 raise known
             return known
         # One that is closed and has some of these forms only holds this one.
@@ -365,11 +363,10 @@ class Tree:
         )
         if wider is not None:
             return wider
-        self._places[key] = None
+        self._places[key] = NotFound("a place leads to itself")
         try:
             self.draft.require_time()
-            if self._progress is not None:
-                self._progress(f"{len(self._places)} places looked at")
+            self._progress(f"{len(self._places)} places looked at")
             self._close(place)
         except (NotFound, BudgetExceeded, Rejected) as reason:
             self._places[key] = failure = NotFound(str(reason))

@@ -249,8 +249,10 @@ class PieceMaker:
         for some in (count, max(32, count)):
             batches = 1 if self.time.over else rounds
             found = search(branch.equations, box, some, self.rng, batches, self.time.stop)
-            if self.confirm is None or len(found := found[self.confirm(found)][:count]):
+            if self.confirm is None:
                 return found
+            if len(own := found[self.confirm(found)]):
+                return own[:count]
         found = self.thrown(branch, 40)
         return found if self.confirm is None else found[self.confirm(found)][:count]
 
@@ -510,7 +512,7 @@ def title_of(arm: Arm, points: Array) -> str:
 @kept
 def _conditions(arm: Arm) -> Mapping[str, Holds]:
     """The conditions that have a name for an arm; none where its geometry does not warrant it."""
-    slides = arm.prismatic
+    turns = ~arm.prismatic
     legs = any(_LEG.search(joint) for joint in arm.joints)
     if arm.task.name != "pose" or arm.coupling is not None or legs or arm.n not in (6, 7):
         return {}
@@ -520,30 +522,23 @@ def _conditions(arm: Arm) -> Mapping[str, Holds]:
         return all(a.parallel(ids, STRUCTURE_TOL) for a in samples)
 
     if arm.n == 7:
-        if slides.any() or not centres >= {(0, 1, 2), (4, 5, 6)}:
-            return {}
-        return {"wrist": _flat(4, 5, 6), "elbow": _stretched, "shoulder": _flat(0, 1, 2)}
-    if slides[3:].any():
+        usual = turns.all() and centres >= {(0, 1, 2), (4, 5, 6)}
+        names = {"wrist": _flat(4, 5, 6), "elbow": _stretched, "shoulder": _flat(0, 1, 2)}
+        return names if usual else {}
+    if not turns[3:].all():
         return {}
-    spherical, offset = (3, 4, 5) in centres, not slides[1:].any() and parallel(1, 2, 3)
+    spherical, offset = (3, 4, 5) in centres, turns[1:].all() and parallel(1, 2, 3)
     crossing = offset and all(a.meeting_point((4, 5), STRUCTURE_TOL) is not None for a in samples)
-    found: dict[str, Holds] = {}
-    if spherical or crossing:
-        found["wrist"] = _flat(3, 4, 5)
-    planar = not slides[:2].any() and not parallel(0, 1)
-    if slides[2]:
-        planar = planar and all(
-            abs(a.direction[1] @ a.direction[2]) <= STRUCTURE_TOL for a in samples
-        )
-    else:
-        planar = planar and parallel(1, 2)
-    if planar and spherical:
-        found["shoulder"] = _above
-        found["" if slides[2] else "elbow"] = _moves_center_one_way
-    elif planar and offset:
+    found: dict[str, Holds] = {"wrist": _flat(3, 4, 5)} if spherical or crossing else {}
+    across = all(abs(a.direction[1] @ a.direction[2]) <= STRUCTURE_TOL for a in samples)
+    planar = parallel(1, 2) if turns[2] else across
+    if not planar or not turns[:2].all() or parallel(0, 1):
+        return found
+    if spherical:
+        found |= {"shoulder": _above, "elbow" if turns[2] else "": _moves_center_one_way}
+    elif offset:
         found["elbow"] = lambda a, tol: a.in_one_plane((1, 2, 3), tol)
-        if crossing:
-            found["shoulder"] = _above
+        found |= {"shoulder": _above} if crossing else {}
     return found
 
 

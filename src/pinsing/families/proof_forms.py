@@ -538,17 +538,9 @@ class Draft(Certificate):
     def scaled(self, terms: list[tuple[Poly, Source]], form: Poly, product: Poly) -> list[Term]:
         """A sum as it is written: scaled so that it is the product, units aside."""
         (form,) = self.ring.stripped(form)
-        (lead,) = self.algebra.terms(self._leading(form)).values()
-        scale = self._leading(product) * self.algebra.number(1 / lead)
+        there, here = (next(iter(self.algebra.terms(f).values())) for f in (product, form))
+        scale = self.algebra.number(there / here)  # of the numbers before the first monomials
         return [(form_text(self.ring.reduced(c * scale)), source) for c, source in terms]
-
-    def _leading(self, form: Poly) -> Poly:
-        """The number before the first monomial in joints."""
-        count = 2 * len(self.ring.pairs)
-        first = form.monomial(0)[:count]
-        return self.ring.context.from_dict(
-            {(*[0] * count, *m[count:]): c for m, c in form.to_dict().items() if m[:count] == first}
-        )
 
 
 def content(*polys: Poly) -> Any:

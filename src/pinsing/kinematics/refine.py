@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -88,15 +88,15 @@ def kinds_many(arm: Arm, Q: Array) -> list[Kind]:
     rows at once. Where some rows of the task are missing everywhere, nothing is clear.
     """
     full = generic_rank(arm) == len(arm.task.rows)
-    clear: list[Kind | None] = clear_kinds(arm, Q) if full else [None] * len(Q)
-    found = dict(enumerate(clear))
-    if left := [i for i, kind in found.items() if kind is None]:
+    found: list[Any] = clear_kinds(arm, Q) if full else [None] * len(Q)
+    if left := [i for i, kind in enumerate(found) if kind is None]:
         rows = zip(
             Q[left], *own_jacobians_and_derivatives(Batch(arm, PINOCCHIO), Q[left]), strict=True
         )
         decided = _decided(arm, [_Spaces(arm, *row) for row in rows])
-        found |= dict(zip(left, decided, strict=True))
-    return [kind for kind in found.values() if kind is not None]
+        for i, kind in zip(left, decided, strict=True):
+            found[i] = kind
+    return found
 
 
 class _Spaces:
