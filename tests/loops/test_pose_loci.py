@@ -8,15 +8,7 @@ import pinocchio as pin
 import pytest
 from command_line import run
 from mechanisms import URDF, shipped
-from platforms import (
-    BASE,
-    PLATFORM,
-    equation_values,
-    named,
-    on_legs,
-    rps,
-    turned,
-)
+from platforms import BASE, PLATFORM, equation_values, named, on_legs, rps, turned
 from tiers import tiered_rows
 from urdf_text import J, X, frame, row
 
