@@ -1,6 +1,8 @@
 """Distances with a proof: bounds against dense searches, both engines, metrics, bad input."""
 
+import copy
 import dataclasses
+import pickle
 
 import numpy as np
 import pytest
@@ -22,6 +24,7 @@ from pinsing.algebra.conditions import (
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
 from pinsing.families import Branch, Family
 from pinsing.families.zero_set import OwnPoints
+from pinsing.proximity.clearance import distance_words, distances
 from pinsing.proximity.monitor import make_guard
 
 ARMS = [
@@ -282,6 +285,17 @@ def test_points_of_equations_that_are_not_singular_are_none_of_a_family() -> Non
         read.families[0].contains(q)
     with pytest.raises(pinsing.PinsingError, match="only the arm tells"):
         read.families[0].sample(1, np.random.default_rng(0))
+    less = dataclasses.replace(read, complete=False)  # what is known of families still holds
+    assert pinsing.clearance(less, q, certify=True).lower == pytest.approx(0.1)
+    assert np.isnan(read.families[0].gradient(q)).all()
+    assert "no configuration found" in distance_words(distances(read, q), False, wrist.space)[0]
+    for again in (pickle.loads(pickle.dumps(form)), copy.deepcopy(form)):
+        assert again.families[0].contains([q, 0 * q]).tolist() == [False, True]
+    elbow = dataclasses.replace(closed("ur5")["elbow"], also_regular=True)
+    two = dataclasses.replace(form, families=(elbow, wrist))
+    two = pinsing.ClosedForm.from_json(two.to_json())
+    through = pinsing.check_trajectory(form.loaded, [q, q + 0.05 * np.eye(6)[5]], forms=two)
+    assert [a.family for a in through.approaches] == [wrist.name, elbow.name]
     through = pinsing.check_trajectory(form.loaded, [q, q + 0.2 * np.eye(6)[4]], forms=form)
     assert not through.crossings
     assert 0.9 < through.approaches[0].upper <= 1

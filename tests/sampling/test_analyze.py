@@ -14,7 +14,7 @@ from dh_arms import dh_arm
 from tiers import sampled, tiered
 
 from pinsing.algebra.budget import Stages
-from pinsing.errors import ConfigurationError
+from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import closed_form
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.refine import refine, refine_many
@@ -319,6 +319,8 @@ def test_snap_to_special_values_is_tested_not_assumed():
     turned.rotation = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
     model.jointPlacements[2] = turned
     shifted = load(model, tip="tip", task="position")
+    with pytest.raises(OptionError, match="has 6 joints"):
+        generalize(shifted, [0.3, -5e-5], geometry=arms.textbook("stanford"))
     condition = generalize(shifted, [0.3, -5e-5], geometry=shifted).conditions[0]
     assert condition.fixed["q2"] == pytest.approx(-5e-5, abs=1e-9)
     ratio = sigma_ratio(singular_values(shifted, [0.7, condition.fixed["q2"]]))[0]

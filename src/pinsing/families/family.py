@@ -298,8 +298,8 @@ class Family(JsonResult):
 
     def __getstate__(self) -> dict[str, Any]:
         # Exact polynomials live in a ring of this process: like JSON, pickles go without them,
-        # and without the arm's model.
-        return {**self.__dict__, "components": (), "arm": None, "confirm": None}
+        # and without the arm as loaded.
+        return {**self.__dict__, "components": (), "arm": None}
 
     @property
     def n(self) -> int:
@@ -428,7 +428,8 @@ class Family(JsonResult):
         Returns
         -------
         (n,) array
-            Radians (metres over the length scale) per radian or metre; zero on the family.
+            Radians (metres over the length scale) per radian or metre; zero on the family, NaN
+            where no point of it was found.
 
         Raises
         ------
@@ -445,7 +446,7 @@ class Family(JsonResult):
         q = self._check(q)
         away = self.space.wrap(q - self.distance(q).q) / self.space.metric
         size = float(np.linalg.norm(away))
-        return away / self.space.metric / size if size > ROUNDING else np.zeros(self.n)
+        return np.zeros(self.n) if size <= ROUNDING else away / self.space.metric / size
 
     @checked
     def conditions(self, weights: ArrayLike | None = None, norm: str = "euclidean") -> Conditions:

@@ -622,7 +622,7 @@ def _clearance(
     search: bool,
     limited: bool,
 ) -> Clearance:
-    if watched.elsewhere and (none := family < 0).any():
+    if watched.elsewhere and (none := np.isinf(lower)).any():
         lower = lower.copy()
         lower[none] = watched.regular(Q[none])
     return Clearance(
@@ -749,7 +749,8 @@ def distances(forms: Forms, q: ArrayLike, *, boxes: int | None = None) -> Distan
     found = []
     for name, family in zip(watched.names, watched.families, strict=True):
         d = family.distance(x, boxes=boxes)
-        said = family.reach, family.title, family.where(d.q)
+        where = family.where(d.q) if math.isfinite(d.upper) else ""
+        said = family.reach, family.title, where
         found.append(FamilyDistance(name, d.lower, d.upper, d.q, *said))
     if (margin := watched.conditions.margin) is not None:
         both = np.array([[(d.lower, d.upper) for d in found]])
@@ -763,6 +764,9 @@ def distance_words(found: Distances, degrees: bool, space: JointSpace) -> list[s
     """One line a family: how far, how sure, which joints have to move, and past which limits."""
     lines, prismatic, names = [], space.prismatic, space.names
     for d in found.families:
+        if not math.isfinite(d.upper):
+            lines.append(f"{d.family}: at least {d.lower:.4g} rad, no configuration found")
+            continue
         moved = np.flatnonzero(np.abs(d.q - found.q) > 1e-9)
         slides, turns = bool(prismatic[moved].any()), not prismatic[moved].all()
         unit = 1.0 if turns else space.length_scale

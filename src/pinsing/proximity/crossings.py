@@ -663,7 +663,7 @@ class Passage:
     def finish(self) -> None:
         """Certify the nearest approaches, and put all in order."""
         found = [self._approach(f) for f in range(len(self.watched.families))]
-        self.approaches = tuple(sorted(filter(None, found), key=lambda a: a.upper))
+        self.approaches = tuple(sorted(filter(None, found), key=lambda a: (a.upper, a.lower)))
         self.crossings.sort(key=lambda c: c.t)
         for k, s in enumerate(self.stretches):
             met = next((c for c in self.crossings if c.t <= s.t_end and c.t_end >= s.t), None)

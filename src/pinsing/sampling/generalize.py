@@ -258,7 +258,8 @@ def generalize(
     ConfigurationError
         If the configuration is not singular, nor within 0.01 of one that is.
     OptionError
-        If ``samples`` is not positive or more than 12 joints matter.
+        If ``samples`` is not positive, more than 12 joints matter, or ``geometry`` has another
+        number of joints.
 
     Examples
     --------
@@ -271,6 +272,10 @@ def generalize(
     exact = nominal(arm).arm if geometry is None else geometry
     given = configuration.q if isinstance(configuration, SingularConfiguration) else configuration
     q = arm.fold(arm.check_one(given, "configuration"))
+    OptionError.refuse_if(
+        exact.n != arm.n,
+        f"geometry has {exact.n} joints, {arm.name} has {arm.n}",
+    )
     if _ratio(exact, q) > rtol:
         end = approach(exact, q)
         metric = own_scale(arm).columns
