@@ -90,18 +90,17 @@ def more(data, key, *items):
     return {**data, key: [*data[key], *items]}
 
 
-def find(data, wanted):
-    """Place and case of the first (place, case) that is wanted."""
-    places = enumerate(data["places"])
-    every = ((i, k, case) for i, place in places for k, case in enumerate(place["cases"]))
-    return next((i, k) for i, k, case in every if wanted(i, case))
-
-
 def place_of(forms, *cases, **sums):
     """One place; a case is its one form's number, or a case as it stands."""
     cases = [[[c], [], 1, "nowhere", 0] if type(c) is int else c for c in cases]
     none = {"of_forms": [], "of_minors": [], "of_resultants": []}
     return {"forms": forms, **none, "cases": cases, **sums}
+
+
+def family_of(name, forms, least):
+    """A family whose minors are multiples of its forms."""
+    shown = {"pivot": [[], []], "apart": [], "multiples": []}
+    return {"name": name, "forms": forms, "least_codimension": least, **shown}
 
 
 def _others(value):

@@ -1,18 +1,15 @@
 """False certificates are rejected, and by a second checker, written from docs/proof.md alone."""
 
-import itertools
 import json
-import re
 
 import pytest
-from certificates import certificate, find, longer, more, mutants, place_of, put, verdict, without
+from certificates import certificate, family_of, longer, more, mutants, put, verdict, without
 from tiers import tiered
 
 from pinsing.proof.checker import Certificate
 
-ur5, panda, surgical7 = (
-    pytest.fixture(lambda name=name: certificate(name), name=name)
-    for name in ("ur5", "panda", "surgical7")
+ur5, surgical7 = (
+    pytest.fixture(lambda name=name: certificate(name), name=name) for name in ("ur5", "surgical7")
 )
 
 
@@ -21,50 +18,6 @@ def index(data, text):
     if text not in data["polynomials"]:
         data["polynomials"].append(text)
     return data["polynomials"].index(text)
-
-
-def family_of(name, forms, least):
-    shown = {"pivot": [[], []], "apart": [], "multiples": []}
-    return {"name": name, "forms": forms, "least_codimension": least, **shown}
-
-
-WHOLE = ["1", [[*range(6)], [*range(6)]], []]
-
-
-@pytest.mark.slow
-def test_what_is_true_stays_true(ur5, panda):
-    assert (verdict(ur5), verdict(panda)) == ("", "")
-    # One more family that is part of another one, and a split that is not needed, are no lies.
-    ur5["families"].append({**ur5["families"][0], "name": "again"})
-    assert verdict(ur5) == ""
-    ur5["families"].append(family_of("nowhere", [index(ur5, "1x1"), index(ur5, "1y1")], 6))
-    assert verdict(ur5) == ""
-
-
-@pytest.mark.parametrize("text", ["0", "1x1 -1x1", "0x1", "1s2^2 -2"])
-def test_a_form_that_is_zero_is_no_family_and_no_case(ur5, text):
-    k = index(ur5, text)
-    assert verdict(more(ur5, "families", family_of("all", [k], 0)))
-    assert verdict({**ur5, "places": [place_of([], k, of_minors=[WHOLE])]})
-    assert verdict({**ur5, "places": [place_of([], k, of_minors=[["0", *WHOLE[1:]]])]})
-
-
-def test_sums_that_show_too_little(ur5):
-    every, (own, other) = family_of("all", [], 0), (f["forms"] for f in ur5["families"][:2])
-    assert "not shown to be singular" in verdict({**ur5, "families": [every]})
-    for sums in ([[["1", 0]]], [[["1", -1]]], [[]], [[["1x1", 0]]], [["1", 0]], None, 3):
-        assert verdict(put(ur5, {**every, "multiples": sums}, "families", 0))
-    for forms, terms in (
-        (own, [["1", 1]]),
-        ([index(ur5, "1x1 1y1")], [["1", 0]]),
-        ([*own, *other], [["1", 0], ["1", 1]]),  # smaller: cases lie in it no more
-    ):
-        changed = {**ur5["families"][0], "forms": forms, "multiples": [terms]}
-        assert verdict(put(ur5, changed, "families", 0))
-    so101 = certificate("so101")
-    k, sums = next((k, f["multiples"]) for k, f in enumerate(so101["families"]) if f["multiples"])
-    for less in ([], [terms[:1] for terms in sums]):
-        assert "singular" in verdict(put(so101, less, "families", k, "multiples"))
 
 
 def test_a_pivot_is_zero_on_no_component(ur5, surgical7):
@@ -82,44 +35,6 @@ def test_a_pivot_is_zero_on_no_component(ur5, surgical7):
         assert verdict(put(surgical7, family["forms"][:1], "families", k, "apart")), k
 
 
-def test_after_squares_points_are_followed(ur5):
-    """What is too small for a component still has points: after squares it is no end."""
-    x, y = index(ur5, "1x1"), index(ur5, "1x2")
-    first = len(ur5["places"])
-    small = place_of([x, y], x, of_forms=[["1", 0]])
-    for weights, accepted in (([], True), (["1"], False)):
-        case = [[x], weights, 1 if weights else 2, "place", first + 1]
-        square = place_of([x, y], case, of_forms=[["1x1", 0]])
-        reason = verdict(more(ur5, "places", square, small))
-        assert bool(reason) != accepted, reason
-        # What was real stays so, place by place.
-        on = place_of([x, y], [[x], [], 1, "place", first + 2], of_forms=[["1", 0]])
-        reason = verdict(more(ur5, "places", square, on, small))
-        assert bool(reason) != accepted, reason
-        # Free joints at values are for whole components alone.
-        free = place_of([x, y], x, of_minors=[[*WHOLE[:2], [index(ur5, "1x6")]]])
-        assert verdict(more(ur5, "places", square, free))
-
-
-def test_squares_are_as_they_stand(panda):
-    i, k = find(panda, lambda i, case: case[1])
-    at = ("places", i, "cases", k)
-    forms, _, _, *to = panda["places"][i]["cases"][k]
-    # They vanish nowhere: whatever family stands there is no lie.
-    assert to == ["nowhere", 0]
-    assert verdict(put(panda, "family", *at, 3)) == ""
-    assert verdict(put(panda, [], *at, 1))
-    for n, form in enumerate(forms):
-        less = without(panda, *at, 0, n)
-        assert verdict(less)
-        assert verdict(without(less, *at, 1, n))
-        same = index(panda, panda["polynomials"][form])
-        assert verdict(put(panda, same, *at, 0, n)) == ""
-        assert verdict(put(panda, index(panda, "1x1 1y1"), *at, 0, n))
-    for factor in ("-1", "0", "1s2", "1x1", "", "1/0", "0/5", "1.5", " 1", 1, None):
-        assert verdict(put(panda, factor, *at, 1, 0)), factor
-
-
 def turned(*rows):
     """A rotation by the rows of its numbers, each a letter."""
     return [list(row) for row in rows]
@@ -127,9 +42,7 @@ def turned(*rows):
 
 WRONG = {
     ("places", 0, "of_minors", 0, 1): [
-        *([[*range(5), last], [*range(6)]] for last in (4, -1, 6, True)),
-        [[1, 0, 2, 3, 4, 5], [*range(6)]], [[*range(5)], [*range(5)]], [[], []], [[*range(6)]],
-        None,
+        [[*range(5), 6], [*range(6)]], [[*range(5), True], [*range(6)]], [[*range(6)]], None,
     ],
     ("chain", 1, "rotation"): [
         "10", ["100", "010", "001"],
@@ -161,7 +74,7 @@ WRONG = {
         ]
         for lines in ("row", "column")
     },
-    ("square_roots",): [[5]],
+    ("square_roots",): [[1], [4], [5], [1, 3], [2, 2], [2, 4], [3, 2], [3, 3]],
     ("families", 0, "pivot"): [[[]]],
     ("families", 0, "least_codimension"): ["1", None, [], 10**30],
     ("families", 0, "multiples"): [[["10"]]],
@@ -191,32 +104,9 @@ def test_what_may_not_stand_there_is_rejected_by_both(ur5, path, value):
     assert verdict(data)
 
 
-def test_other_sources_are_what_they_say(ur5):
-    a, b, c = (index(ur5, t) for t in ("1x1 1y1", "1x2 1y2", "1x1x2 1y1y2"))
-    odd = [([a, b], [0, 1, joint]) for joint in range(3)] + [([a, b], [0, 0, 0])]
-    odd += [([a, c], of) for of in ([0, 1, 1], [0, 2, 0], [0, 1, -1], [0, 1, "0"])]
-    for forms, resultant in odd:
-        place = place_of(forms, of_resultants=[["1", *resultant]])
-        assert verdict(more(ur5, "places", place)), resultant
-    for source in (-1, 7, "0", None, [], {}, {"other": 1}, 0.0, True):
-        place = place_of([a], a, of_forms=[["1", source]])
-        assert verdict(more(ur5, "places", place)), source
-
-
-def test_joints_that_are_bound_are_not_put_at_values(ur5):
-    """The minor of a 6-joint arm is its determinant: at q3 = 0 it is zero, elsewhere it is not."""
-    for text in ("1x3", "1y3", "1x2 1y2", "1x2x4 1y2y4"):
-        free = [index(ur5, text)]
-        assert verdict(put(ur5, free, "places", 0, "of_minors", 0, 2)), text
-
-
 def test_steps_keep_the_rank(ur5):
     """Multiples of one line are taken from another one: any such step is true, few are of use."""
     assert verdict(put(ur5, [[0, 1, "2/3"]], "row_steps")) == ""
-    planar = certificate("planar3r")
-    steps = planar["row_steps"] + planar["column_steps"]
-    assert len(Certificate(planar).matrix) == planar["rank"] == 3
-    assert not steps or verdict(put(put(planar, [], "row_steps"), [], "column_steps"))
     # Rows are divided by units, each by itself: a sum of two that differ would be no form.
     data = certificate("planar3r vx,vy,wz")
     assert verdict(data) == ""
@@ -227,51 +117,9 @@ def test_steps_keep_the_rank(ur5):
     assert verdict(put(data, [[0, 1, "1"]], "row_steps")) == ""
 
 
-def test_axes_may_not_change_the_task(ur5):
-    one_row = certificate("planar3r one row")
-    assert one_row["axes"] == 0
-    assert "axes" in verdict(put(one_row, 1, "axes"))
-    position = certificate("planar3r position")
-    for axes in range(4):
-        assert Certificate(put(position, axes, "axes")).rank == 2
+def test_a_pose_has_the_same_rank_in_all_axes(ur5):
     for axes in range(7):
         assert verdict(put(ur5, axes, "axes")) == ""
-
-
-def test_a_chain_has_all_of_its_joints_and_no_more(ur5):
-    for key in ("chain", "joints"):
-        assert verdict({**ur5, key: ur5[key] * 3})
-    assert verdict({**ur5, "joints": ur5["joints"][:5]})
-
-
-def test_evidence_of_another_arm_does_not_fit(ur5, panda):
-    other = certificate("ur10")
-    for key in ("polynomials", "families", "places", "chain"):
-        assert verdict({**ur5, key: panda[key]}), key
-    # The tree of cases is the same for both arms but for one constant.
-    mine, others = ur5["places"][0], other["places"][0]
-    assert others["of_minors"][0][0] != mine["of_minors"][0][0]
-    assert verdict(put(ur5, {**others, "of_minors": mine["of_minors"]}, "places", 0)) == ""
-    # Lengths are in the polynomials.
-    for key in ("places", "polynomials", "chain"):
-        assert verdict({**ur5, key: other[key]}), key
-
-
-@pytest.mark.slow
-def test_least_codimension_is_a_bound(ur5, panda):
-    for data, real in ((ur5, 1), (panda, 2)):
-        for k in range(len(data["families"])):
-            assert verdict(put(data, real + 1, "families", k, "least_codimension"))
-            assert verdict(put(data, real - 1, "families", k, "least_codimension")) == ""
-
-
-def test_a_relation_of_a_joint_that_is_fixed_counts_not_twice(ur5):
-    family = ur5["families"][0]
-    (form,) = family["forms"]
-    twice = re.sub("(?<![0-9^xy/])1(?=[xy])", "2", ur5["polynomials"][form])
-    for forms in ([form], [form, form], [form, index(ur5, twice)]):
-        changed = {**family, "forms": forms, "least_codimension": 2}
-        assert "larger" in verdict(put(ur5, changed, "families", 0))
 
 
 def test_every_key_counts(ur5):
@@ -325,30 +173,6 @@ def test_a_length_may_not_change(name):
     assert verdict(put(true, tip, "tip", "translation", 0)) == ""  # no matter for the pose
     # Of several minors some lengths are in none.
     assert {bool(verdict(data)) for _, data in longer(certificate("scara"))} == {True, False}
-
-
-def test_what_claims_without_proof_is_rejected(ur5):
-    one = [["1", *WHOLE[1:]]]
-    cases = [
-        [[], [], 1, "nowhere", 0], [[], [], 1, "family", 0], [[0], [], 1, "family", 0],
-        [[0], [], 1, "family", -1], [[0], [], 1, "place", 0], [[0], [], 1, "nowhere", 0],
-        [[0], ["1"], 1, "family", 0], [[0, 1], [], 1, "family", 0],
-    ]  # fmt: skip
-    places = [place_of([]), place_of([], of_forms=[["1", 0]])]
-    places += [place_of([], case, of_minors=one) for case in cases]
-    for text, lines in (("0", WHOLE[1]), ("1", WHOLE[1]), ("1", [[], []]), ("1", [[0, 0], [0, 1]])):
-        places.append(place_of([], of_minors=[[text, lines, []]]))
-    for place, families in itertools.product(places, ([], ur5["families"])):
-        assert verdict({**ur5, "families": families, "places": [place]}), place
-    assert verdict({**ur5, "places": []})
-
-
-def test_cases_lead_forward_only(surgical7):
-    i, k = find(surgical7, lambda i, case: i and case[3] == "place")
-    for then in (0, i, -1, 10**9, True, "1", 1.0, None):
-        assert verdict(put(surgical7, then, "places", i, "cases", k, 4)), then
-    for to in ("", "Place", "polynomials", None, 0):
-        assert verdict(put(surgical7, to, "places", i, "cases", k, 3)), to
 
 
 @pytest.mark.parametrize(

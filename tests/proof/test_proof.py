@@ -166,7 +166,7 @@ def test_what_would_take_for_ever_is_rejected():
     data = more(certificate("ur5"), "polynomials", text, text.replace("1x1", "-1x1"))
     last = len(data["polynomials"]) - 1
     for said, place in (
-        ("tells nothing", place_of([last, last - 1], of_resultants=[["1", 0, 1, 0]])),
+        ("something else", place_of([last, last - 1], of_resultants=[["1", 0, 1, 0]])),
         ("too long", place_of([last], [[last], [], 50, "nowhere", 0], of_forms=[["1", 0]])),
         ("no index", place_of([last], [[0], [], 10**9, "nowhere", 0], of_forms=[["1", 0]])),
     ):
