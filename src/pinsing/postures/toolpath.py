@@ -831,7 +831,8 @@ class _Planner:
             ends //= self.slots
             keep = ~long | (ends % every == 0).all(axis=0)
         if long.any():
-            most = max(_LONG // len(self.T), self.slots)
+            share = len(here) / (len(self.T) * (room >= floor).sum())
+            most = max(int(_LONG * share), self.slots)
             if (long & keep).sum() > most:  # those that lack the least
                 keep &= ~long | (proofs[3] <= np.partition(proofs[3][long & keep], most)[most])
         cell, held, edge = (x[keep] for x in proofs[:3])
