@@ -70,10 +70,11 @@ def never(rows, lines=ONE, **changes):
 
 def tilted(**changes):
     """The third row is a multiple of the second one."""
-    data = planar("position", axes=4)
-    data["tip"]["rotation"] = [["1", "0", "0"], ["0", "3/5", "-4/5"], ["0", "4/5", "3/5"]]
-    for place, number in zip(data["places"], ("125/9", "125/6", "25/6"), strict=True):
-        place["of_minors"][0][0] = number
+    data = planar("position", axes=4, square_roots=[2])
+    turn = [["1", "0", "0"], ["0", "1/2s2", "-1/2s2"], ["0", "1/2s2", "1/2s2"]]
+    data["tip"]["rotation"] = turn
+    for place in data["places"]:
+        place["of_minors"][0][0] += "s2"
     return {**data, **changes}
 
 
