@@ -310,6 +310,7 @@ class Certificate:
         ring, o = self.ring, self.ring.zero
         R = [[ring.number(text) for text in row] for row in placed["rotation"]]
         t = [ring.number(text) for text in placed["translation"]]
+        need([len(row) for row in [*R, t]] == [3] * 4, "a placement is none")
         dots = [[ring.dot(a, b) for a in R] for b in R]
         proper = [ring.reduced(a) for a in cross(R[0], R[1])] == R[2]
         need(proper and dots == [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "a rotation is none")
