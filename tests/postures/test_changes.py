@@ -209,7 +209,8 @@ def test_pages_and_reports_give_the_advice_of_the_terminal(tmp_path, monkeypatch
     assert " of the samples" in said
     assert " of the time" not in said
     given = []
-    monkeypatch.setattr("pinsing.cli.show._write", lambda *args: given.append(args[7]))
+    write = "pinsing.cli.show._write"
+    monkeypatch.setattr(write, lambda *_, **content: given.append(content["trajectory"]))
     told = run("report", "ur5", "-o", str(page), "--trajectory", str(path)).stdout
     assert told.startswith("way.csv: crosses the wrist singularity")
     assert advice in " ".join(told.splitlines()[:4])
@@ -222,7 +223,7 @@ def test_pages_and_reports_give_the_advice_of_the_terminal(tmp_path, monkeypatch
     assert "pinsing: note: columns: shoulder_pan_joint = '1'" in done.stderr
     for robot, *words, said in (
         ("ur5", "--columns", 1, "--units and --columns are of --trajectory"),
-        ("five_bar", "--trajectory", path, "--trajectory is for arms"),
+        ("five_bar", "--trajectory", path, "--trajectory does not go with --loops"),
     ):
         assert said in run("report", robot, "-o", page, *words).stderr
 
