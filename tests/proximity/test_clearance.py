@@ -281,6 +281,8 @@ def test_points_of_equations_that_are_not_singular_are_none_of_a_family() -> Non
     read = pinsing.ClosedForm.from_json(form.to_json())
     assert pinsing.clearance(read, q).upper == np.inf
     assert pinsing.clearance(read, q, certify=True).upper == np.inf
+    far = read.families[0].distance(q)
+    assert (far.exact, far.upper) == (False, np.inf)
     with pytest.raises(pinsing.PinsingError, match="only the arm tells"):
         read.families[0].contains(q)
     with pytest.raises(pinsing.PinsingError, match="only the arm tells"):

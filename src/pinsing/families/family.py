@@ -893,7 +893,8 @@ def distance_to(
     if found.family[0] < 0 or owned(family, found.q)[0]:
         return distance
     if family.confirm is None:
-        return replace(distance, value=np.inf, q=np.full(family.n, np.nan), upper=np.inf)
+        nowhere = np.full(family.n, np.nan)
+        return replace(distance, value=np.inf, q=nowhere, exact=False, upper=np.inf)
     limits = family.limits if options.within_limits else None
     return own_nearest(
         distance, conditions, family.branches, family.space, q, limits, family.confirm

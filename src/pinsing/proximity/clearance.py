@@ -765,7 +765,9 @@ def distance_words(found: Distances, degrees: bool, space: JointSpace) -> list[s
     lines, prismatic, names = [], space.prismatic, space.names
     for d in found.families:
         if not math.isfinite(d.upper):
-            lines.append(f"{d.family}: at least {d.lower:.4g} rad, no configuration found")
+            lines.append(
+                f"{d.family}: at least {_length(d.lower, False, degrees)}, no configuration found"
+            )
             continue
         moved = np.flatnonzero(np.abs(d.q - found.q) > 1e-9)
         slides, turns = bool(prismatic[moved].any()), not prismatic[moved].all()
