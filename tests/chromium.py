@@ -3,6 +3,7 @@
 import base64
 import io
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,15 @@ PARTS = ("translation", "rotation", "lost", "axis", "visual", "bone", "floor")
 def show_only(page: Any, *parts: str) -> None:
     for part in PARTS:
         page.evaluate("([o, v]) => window.pinsing.view.set(o, v)", [part, part in parts])
+
+
+def serious_findings(page: Any) -> list[Any]:
+    """What axe finds serious: contrast, names, roles; of what, and where first."""
+    package = pytest.importorskip("axe_core_python", reason="needs axe-core-python")
+    page.evaluate((Path(package.__file__).parent / "axe.min.js").read_text(encoding="utf-8"))
+    found = page.evaluate("() => axe.run()")["violations"]
+    grave = [v for v in found if v["impact"] in ("serious", "critical")]
+    return [(v["id"], v["nodes"][0]["target"], len(v["nodes"])) for v in grave]
 
 
 def near(pixels: np.ndarray, color: tuple[int, int, int]) -> int:

@@ -4,7 +4,6 @@ import asyncio
 import json
 import urllib.error
 import urllib.request
-from collections.abc import Callable
 from typing import Any
 
 
@@ -17,19 +16,14 @@ def get(url: str, **headers: str) -> tuple[int, bytes]:
             return error.code, b""
 
 
-async def heard(url: str, act: Callable[[], object] = int, **headers: str) -> list[Any]:
-    """The first message of a page's link, and what follows when something is done."""
+async def first_message(url: str) -> Any:
+    """What a page is told as soon as it has a link."""
     from tornado.httpclient import HTTPRequest
     from tornado.websocket import websocket_connect
 
-    headers = {"Origin": "/".join(url.split("/")[:3]), **headers}
-    page = await websocket_connect(
-        HTTPRequest(url.replace("http:", "ws:") + "live", headers=headers)
-    )
-    first = json.loads(await asyncio.wait_for(page.read_message(), 10))
-    act()
+    headers = {"Origin": "/".join(url.split("/")[:3])}
+    asked = HTTPRequest(url.replace("http:", "ws:") + "live", headers=headers)
+    page = await websocket_connect(asked)
+    found = json.loads(await asyncio.wait_for(page.read_message(), 10))
     page.close()
-    messages = [first]
-    while (text := await page.read_message()) is not None:
-        messages.append(json.loads(text))
-    return messages
+    return found

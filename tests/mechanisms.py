@@ -3,13 +3,14 @@
 import functools
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from arms import URDF, place
+from arms import URDF
 from node import ask
-from urdf_text import J, loop_text, written
+from urdf_text import J, frame, loop_text, written
 
 from pinsing.loops import (
     MechanismAnalysis,
@@ -21,9 +22,7 @@ from pinsing.loops import (
 )
 from pinsing.loops.closure import at_zero, plane_normal, random_closed, residual
 from pinsing.loops.pose_loci import variables_at
-from pinsing.robot.arm import Source
-from pinsing.robot.mechanism import Loop, Mechanism, load_mechanism
-from pinsing.robot.task import parse_task
+from pinsing.robot.mechanism import Mechanism, load_mechanism
 from pinsing.view.mechanism_viewer import linkage_sizes, mechanism_data
 
 R1, R2, R3 = 1.2, 1.0, 0.8
@@ -88,30 +87,28 @@ def closed_and_refined(
                 yield kind, there, mechanism_at(mechanism, there).kind
 
 
-def planar_tree(
+def planar_chains(
     chains: dict[str, tuple[tuple[float, float], list[tuple[str, float]]]],
-) -> pin.Model:
+) -> list[J]:
     """Planar chains of turning joints: per chain its pivot and (joint, length of its link).
 
-    The last link of chain ``c`` ends in frame ``c_end``; the root has a frame ``ground``.
+    The last link of chain ``c`` ends in frame ``c_end``; the base has a frame ``ground``.
     """
-    model, kind = pin.Model(), pin.FrameType.OP_FRAME
-    model.name = "planar"
-    model.addFrame(pin.Frame("ground", 0, 0, place((0.4, 0, 0)), kind))
+    joints = [frame("ground", "base", (0.4, 0, 0))]
     for chain, (pivot, links) in chains.items():
-        parent, at = 0, place((*pivot, 0))
+        parent, at = "base", (*pivot, 0.0)
         for name, length in links:
-            parent = model.addJoint(parent, pin.JointModelRUBZ(), at, name)
-            at = place((length, 0, 0))
-        model.addFrame(pin.Frame(f"{chain}_end", parent, 0, at, kind))
-    return model
+            joints.append(J(name, parent, f"{name}_link", at))
+            parent, at = f"{name}_link", (length, 0.0, 0.0)
+        joints.append(frame(f"{chain}_end", parent, at))
+    return joints
 
 
 def four_bar(ground: float, crank: float, coupler: float, rocker: float) -> Mechanism:
     """A four-bar, driven by its crank, whose output is the turning of the other side's link."""
     one = ((0.0, 0.0), [("crank", crank), ("coupler", coupler)])
-    model = planar_tree({"one": one, "two": ((ground, 0.0), [("rocker", rocker)])})
-    return from_model(model, [Loop("one_end", "two_end", "3d")], ["crank"], "two_end", "wz")
+    joints = planar_chains({"one": one, "two": ((ground, 0.0), [("rocker", rocker)])})
+    return linkage(joints, [("one_end", "two_end")], ["crank"], "two_end", "wz")
 
 
 def assembled(folder: Path, joints: list[J], *loops: Any, **more: Any) -> Mechanism:
@@ -119,35 +116,12 @@ def assembled(folder: Path, joints: list[J], *loops: Any, **more: Any) -> Mechan
     return load_mechanism(written(folder, joints, loop_text(*loops, **more)))
 
 
-def from_model(
-    model: pin.Model,
-    loops: list[Loop],
-    actuated: list[str],
-    output: str,
-    rows: str,
-    limits: Mapping[str, tuple[float, float]] = {},
-    home: Mapping[str, float] = {},
-) -> Mechanism:
-    """A mechanism without a side-car file; joints with limits here are its slides."""
-    joints = tuple(model.names)[1:]
-    n, kept = len(joints), tuple(range(1, model.njoints))
-    ends = np.array([limits.get(name, (-np.inf, np.inf)) for name in joints])
-    return Mechanism(
-        name=model.name,
-        model=model,
-        joints=joints,
-        prismatic=np.array([name in limits for name in joints]),
-        lower=ends[:, 0],
-        upper=ends[:, 1],
-        actuated=tuple(joints.index(name) for name in actuated),
-        loops=tuple(loops),
-        output=output,
-        task=parse_task(rows),
-        length_scale=1.0,
-        home=np.array([home[j] for j in joints]) if home else np.linspace(0.4, 1.1, n),
-        notes=(),
-        source=Source("test", None, None, model, (), kept, pin.neutral(model), "universe"),
-    )
+def linkage(joints: list[J], *loops: Any, home: Mapping[str, float] = {}, **more: Any) -> Mechanism:
+    """One whose files are gone; where no home is said, its joints are far from straight there."""
+    names = [j.name for j in joints if j.kind != "fixed"]
+    more["home"] = home or dict(zip(names, np.linspace(0.4, 1.1, len(names)), strict=True))
+    with TemporaryDirectory() as folder:
+        return assembled(Path(folder), joints, *loops, **more)
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> float:

@@ -3,14 +3,13 @@
 import json
 import os
 import shlex
-import signal
 from pathlib import Path
 from unittest.mock import Mock
 
 import numpy as np
 import pytest
 from arms import URDF
-from command_line import python, run, settled, started
+from command_line import python, run, settled
 from kernel import needs_kernel
 from tiers import tiered
 from urdf_texts import LIMIT, XACRO, joint, robot
@@ -24,40 +23,22 @@ from pinsing.sampling.analyze import Analysis
 from pinsing.sampling.sweeps import load_npz
 
 
-class TestProcess:
-    def test_results_and_messages_do_not_mix(self):
-        words = ["at", "ur5", "--q", "0,-1,1,0,0,0", "--no-distances", "-o", "-"]
-        done = python("-m", "pinsing", *words)
-        assert done.returncode == 0
-        assert json.loads(done.stdout)["schema"] == "pinsing/state/1"
-        assert "note: tip tool0 (" in done.stderr
-
-    @pytest.mark.slow
-    def test_names_that_the_terminal_cannot_show(self, tmp_path):
-        path = tmp_path / "arm.urdf"
-        path.write_text(robot(joint("gelenk_ä")), encoding="utf-8")
-        env = {**os.environ, "PYTHONIOENCODING": "ascii"}
-        done = python("-m", "pinsing", "list", path, env=env)
-        assert done.returncode == 0
-        assert "gelenk_\\xe4" in done.stdout
+def test_results_and_messages_do_not_mix():
+    words = ["at", "ur5", "--q", "0,-1,1,0,0,0", "--no-distances", "-o", "-"]
+    done = python("-m", "pinsing", *words)
+    assert done.returncode == 0
+    assert json.loads(done.stdout)["schema"] == "pinsing/state/1"
+    assert "note: tip tool0 (" in done.stderr
 
 
-def test_sigint_while_it_runs():
-    code = (
-        "import importlib, time\n"
-        "def slow(*a, **k):\n"
-        "    print('ready', flush=True)\n"
-        "    time.sleep(60)\n"
-        "importlib.import_module('pinsing.robot.load').load = slow\n"
-        "from pinsing.cli import main\n"
-        "main(['at', 'ur5', '--q', '0,0,0,0,0,0'])"
-    )
-    child = started("-c", code)
-    assert child.stdout.readline() == "ready\n"
-    child.send_signal(signal.SIGINT)
-    _, said = child.communicate(timeout=30)
-    assert child.returncode == 130
-    assert said.split() == ["pinsing:", "stopped"]
+@pytest.mark.slow
+def test_names_that_the_terminal_cannot_show(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(robot(joint("gelenk_ä")), encoding="utf-8")
+    env = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = python("-m", "pinsing", "list", path, env=env)
+    assert done.returncode == 0
+    assert "gelenk_\\xe4" in done.stdout
 
 
 @needs_kernel

@@ -10,8 +10,8 @@ from mechanisms import (
     circles,
     cross,
     four_bar,
-    from_model,
-    planar_tree,
+    linkage,
+    planar_chains,
     shipped,
 )
 from tiers import tiered
@@ -43,7 +43,7 @@ from pinsing.loops import (
 )
 from pinsing.loops.closure import Loops, gauss_newton, planar_dyad, random_closed
 from pinsing.loops.motion import elbow_sines
-from pinsing.robot.mechanism import Loop, Mechanism
+from pinsing.robot.mechanism import Mechanism
 
 MODELS = ("five_bar", "four_bar", "planar_3rrr")
 THIRD = np.pi / 3
@@ -51,8 +51,8 @@ THIRD = np.pi / 3
 
 def welded() -> Mechanism:
     """A four-bar as one chain whose last link is welded to the ground: kind 6d, two spare rows."""
-    model = planar_tree({"one": ((0.0, 0.0), [("a", 0.15), ("b", 0.4), ("c", 0.3), ("d", 0.0)])})
-    return from_model(model, [Loop("one_end", "ground", "6d")], ["a"], "one_end", "wz")
+    joints = planar_chains({"one": ((0.0, 0.0), [("a", 0.15), ("b", 0.4), ("c", 0.3), ("d", 0.0)])})
+    return linkage(joints, [("one_end", "ground")], ["a"], "one_end", "wz", "6d")
 
 
 def two_cranks(feet, links) -> Mechanism:
@@ -62,8 +62,8 @@ def two_cranks(feet, links) -> Mechanism:
         "one": (feet[0], [("q1", l1), ("b1", d1)]),
         "two": (feet[1], [("q2", l2), ("b2", d2)]),
     }
-    loop = Loop("one_end", "two_end", "3d")
-    return from_model(planar_tree(chains), [loop], ["q1", "q2"], "one_end", "vx,vy")
+    loops = [("one_end", "two_end")]
+    return linkage(planar_chains(chains), loops, ["q1", "q2"], "one_end", "vx,vy")
 
 
 def every() -> list[Mechanism]:

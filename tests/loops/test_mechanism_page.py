@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from arms import place
-from mechanisms import analyzed, asked, data_of, from_model, placed, planar_tree, shipped
+from mechanisms import analyzed, asked, data_of, linkage, placed, planar_chains, shipped
 from node import needs_node
 from platforms import on_legs
 from tiers import tiered
@@ -28,7 +27,7 @@ from pinsing.loops import (
 )
 from pinsing.loops.closure import BatchLoops, Loops, newton, output_pose, random_closed
 from pinsing.loops.motion import assembly_sign, read_pose
-from pinsing.robot.mechanism import Loop, Mechanism
+from pinsing.robot.mechanism import Mechanism
 from pinsing.view.mechanism_viewer import groups, linkage_sizes
 
 pytestmark = needs_node
@@ -42,11 +41,10 @@ WORDS = {
 
 def slider_crank() -> Mechanism:
     """A crank that drives a piston: one joint slides, between limits."""
-    model = planar_tree({"one": ((0.0, 0.0), [("crank", 0.3), ("rod", 0.8)])})
-    piston = model.addJoint(0, pin.JointModelPX(), place(), "piston")
-    model.addFrame(pin.Frame("head", piston, 0, place(), pin.FrameType.OP_FRAME))
-    home, loop = {"crank": 0.7, "rod": -0.9, "piston": 0.9}, Loop("one_end", "head", "planar")
-    return from_model(model, [loop], ["crank"], "head", "vx", {"piston": (0.2, 1.2)}, home)
+    joints = planar_chains({"one": ((0.0, 0.0), [("crank", 0.3), ("rod", 0.8)])})
+    joints.append(J("piston", "base", "head", axis=X, kind="prismatic", limits=(0.2, 1.2)))
+    home, loops = {"crank": 0.7, "rod": -0.9, "piston": 0.9}, [("one_end", "head")]
+    return linkage(joints, loops, ["crank"], "head", "vx", "planar", home=home)
 
 
 EVERY = [*SHIPPED, "slider_crank", "bennett"]

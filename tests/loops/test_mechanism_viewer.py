@@ -7,6 +7,7 @@ import json
 import signal
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 import pytest
 from chromium import open_page, picture, q_of, text, until
 from command_line import started
-from links import get, heard
+from links import first_message, get
 from mechanisms import URDF, analyzed, four_bar, shipped
 from tiers import tiered
 
@@ -99,6 +100,7 @@ def test_python_leads(five_bar: MechanismViewer) -> None:
 
 def test_a_model_without_a_file_is_shown_as_a_skeleton() -> None:
     made = four_bar(0.4, 0.1, 0.4, 0.3)
+    made = replace(made, source=replace(made.source, path=None, shapes=None))
     with MechanismViewer(made, analyze_mechanism(made, seconds=1e-3)) as viewer:
         assert not viewer._page(live=True)["settings"]["shapes"]
 
@@ -114,7 +116,7 @@ def test_the_command_serves_until_it_is_ended() -> None:
         url = process.stdout.readline().strip()
         assert get(url)[0] == 200
         assert get(url + "page.json")[0] == 200  # comes when there is a mechanism to ask for
-        start, *_ = asyncio.run(heard(url))
+        start = asyncio.run(first_message(url))
         assert start["q"][0] == pytest.approx(np.radians(40))
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=10)

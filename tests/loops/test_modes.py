@@ -4,13 +4,11 @@ import itertools
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
-from arms import place
-from mechanisms import analyzed, four_bar, from_model, planar_tree, shipped
+from mechanisms import analyzed, four_bar, linkage, planar_chains, shipped
 from platforms import ups
 from tiers import sampled, tiered
-from urdf_text import stewart, written
+from urdf_text import J, X, stewart, written
 
 import pinsing
 from pinsing.errors import ConfigurationError, OptionError, PinsingError
@@ -45,7 +43,7 @@ from pinsing.loops.motion import (
     motions,
 )
 from pinsing.loops.solve import drive, intervals, trace
-from pinsing.robot.mechanism import Loop, Mechanism
+from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.task import parse_task
 
 SHELF = {
@@ -278,19 +276,15 @@ def test_every_arm_of_a_delta_has_the_same_singular_points_whatever_is_drawn(mov
 
 def test_points_of_a_curve_on_which_a_leg_moves_by_itself_are_one_mode():
     """Sarrus: both chains folded the second turns freely; unfolded its elbow has two sides."""
-    model = pin.Model()
-    model.name = "sarrus"
-    ends = []
+    joints = []
     for name, turn in (("x", 0.0), ("y", np.pi / 2)):
-        parent, at = 0, place(R=pin.rpy.rpyToMatrix(0, 0, turn))
+        link, at, rpy = "base", (0, 0, 0), (0, 0, turn)
         for k, reach in enumerate((0.4, 0.4, 0.0), 1):
-            parent = model.addJoint(parent, pin.JointModelRUBX(), at, f"{name}{k}")
-            at = place((0, 0, reach))
-        back = place(R=pin.rpy.rpyToMatrix(0, 0, -turn))
-        model.addFrame(pin.Frame(f"{name}_end", parent, 0, back, pin.FrameType.OP_FRAME))
-        ends.append(f"{name}_end")
+            joints.append(J(f"{name}{k}", link, f"{name}_{k}", at, X, rpy=rpy))
+            link, at, rpy = f"{name}_{k}", (0, 0, reach), (0, 0, 0)
+        joints.append(J(f"{name}_at", link, f"{name}_end", kind="fixed", rpy=(0, 0, -turn)))
     start = {"x1": -0.6, "x2": 1.2, "x3": -0.6, "y1": 0.6, "y2": -1.2, "y3": 0.6}
-    made = from_model(model, [Loop(*ends, "6d")], ["x1"], "x_end", "vz", home=start)
+    made = linkage(joints, [("x_end", "y_end")], ["x1"], "x_end", "vz", "6d", home=start)
     found = assembly_modes(made)
     folded, *others = sorted(found.modes, key=lambda s: abs(s.pose.position[2]))
     assert abs(folded.pose.position[2]) < 1e-6
@@ -387,8 +381,8 @@ def test_beside_a_lock_measures_go_on_smoothly(rng):
 def test_a_driven_elbow_is_told_like_another() -> None:
     links = {"one": ((0.0, 0.0), [("a", 0.6), ("b", 0.7)]),
              "two": ((1.0, 0.0), [("c", 0.6), ("d", 0.7)])}  # fmt: skip
-    loops = [Loop("one_end", "two_end", "3d")]
-    made = from_model(planar_tree(links), loops, ["a", "b", "c"], "one_end", "vx,vy")
+    loops = [("one_end", "two_end")]
+    made = linkage(planar_chains(links), loops, ["a", "b", "c"], "one_end", "vx,vy")
     found = working_modes(made, output_pose(made, home(made)).homogeneous).modes
     assert len({s.mode for s in found}) == len(found) == 4
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from itertools import combinations, product
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -15,9 +16,10 @@ from dh_arms import dh_arm
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.contour import ContourSet
-from matplotlib.figure import Figure, SubFigure
+from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
+from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 from mpl_toolkits.mplot3d import Axes3D
 from tiers import tiered_rows
@@ -474,38 +476,24 @@ def test_what_cannot_be_drawn_is_refused(draw, words):
 
 
 def written(figure: Figure) -> list[tuple[str, Bbox]]:
-    """What a figure says, box by box, pixels: a legend is one box."""
-    figure.canvas.draw()
-    renderer = figure.canvas.get_renderer()
-    said: list[Any] = []
-    for part in [*figure.findobj(SubFigure), figure]:
-        said += [*part.texts, *part.legends, part._suptitle]
-    ticks: list[Any] = []
-    for ax in figure.axes:
-        if not ax.get_visible():
-            continue
-        three = isinstance(ax, Axes3D)  # its labels and texts stand within the picture
-        own = [ax.title, ax._left_title, ax._right_title]
-        own += [] if three else [ax.xaxis.label, ax.yaxis.label]
-        own += [] if three else [t for t in ax.texts if not inside(t, ax)]
-        said += [*(t for t in own if t.get_visible()), ax.get_legend()]
-        if not three and ax.axison:
-            for axis in (a for a in (ax.xaxis, ax.yaxis) if a.get_visible()):
-                texts = [t for t in axis.get_ticklabels() if t.get_visible() and t.get_text()]
-                low, high = sorted(axis.get_view_interval())
-                placed = zip(texts, axis.get_ticklocs(), strict=False)
-                ticks += [t for t, at in placed if low <= at <= high]
-    each = dict.fromkeys(x for x in (*said, *ticks) if x is not None)
-    found = [
-        ("legend" if isinstance(x, Legend) else x.get_text(), x.get_window_extent(renderer))
-        for x in each
-    ]
+    """What is drawn of a figure's texts, box by box, pixels: a legend is one box."""
+    with patch.object(Text, "draw", autospec=True, side_effect=Text.draw) as draw:
+        figure.canvas.draw()
+    legends, spaces = figure.findobj(Legend), figure.findobj(Axes3D)
+    # Labels and texts of axes in space stand within the picture.
+    within = {text for part in (*legends, *spaces) for text in part.findobj(Text)}
+    within -= {title for ax in spaces for title in (ax.title, ax._left_title, ax._right_title)}
+    texts = dict.fromkeys(call.args[0] for call in draw.call_args_list)
+    said = [t for t in texts if t.get_visible() and t not in within and not is_mark(t)]
+    found = [(t.get_text(), t.get_window_extent()) for t in said]
+    found += [("legend", legend.get_window_extent()) for legend in legends]
     return [(name, box) for name, box in found if name and box.width > 1 and box.height > 1]
 
 
-def inside(text: Any, ax: Axes) -> bool:
+def is_mark(text: Text) -> bool:
     """Whether a text is a mark within the data, which may lie where data lie."""
-    return bool(ax.get_window_extent().contains(*text.get_window_extent().get_points().mean(0)))
+    ax, middle = text.axes, text.get_window_extent().get_points().mean(0)
+    return ax is not None and text in ax.texts and ax.get_window_extent().contains(*middle)
 
 
 def overlaps(figure: Figure) -> list[str]:

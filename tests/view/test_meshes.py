@@ -12,6 +12,7 @@ import pinocchio as pin
 import pytest
 from arms import place
 from command_line import python
+from pages import baked
 from urdf_texts import LIMIT, joint
 
 import pinsing
@@ -174,16 +175,19 @@ def test_a_wall_that_is_not_there_is_said(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_nothing_is_said_on_stderr_but_by_us(tmp_path):
+def test_bones_stand_for_meshes_that_are_missing_or_broken_and_we_alone_say_so(tmp_path):
     for name, content in BAD.items():
         (tmp_path / name).write_bytes(content)
-    file = tmp_path / "arm.urdf"
-    file.write_text(robot_with(*BAD))
-    words = ["view", file, "--task", "wx,wz", "-o", tmp_path / "page.html"]
-    done = python("-m", "pinsing", *words, timeout=120)
+    file, out = tmp_path / "arm.urdf", tmp_path / "page.html"
+    file.write_text(robot_with("package://nowhere/a.dae", *BAD))
+    done = python("-m", "pinsing", "view", file, "--task", "wx,wz", "-o", out, timeout=120)
     assert done.returncode == 0, done.stderr
     assert all(word not in done.stderr for word in ("Assimp", "assimp", "ERROR", "Traceback"))
     assert done.stderr.count("is not drawn") >= 3
+    page = baked(out.read_text(encoding="utf-8"))
+    assert page["settings"]["bare"] == [1, 2]
+    for name in ("nowhere/a.dae", "text.stl"):
+        assert any(name in note for note in page["notes"])
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tiers import tiered, tiered_rows
 from urdf_text import J, Y, Z, frame, urdf
 
-from pinsing import at, closed_form, load, singular_values
+from pinsing import at, check_trajectory, closed_form, load, singular_values
 from pinsing.algebra.equation import Equation
 from pinsing.kinematics.jacobian import frame_jacobian, ratios, status_of, tip_placement
 from pinsing.measures import pure_ellipsoids
@@ -166,35 +166,19 @@ def test_a_path_is_read_as_it_stands_and_one_in_degrees_is_refused() -> None:
 
 
 @pytest.mark.slow
-def test_what_a_path_crosses_between_its_samples_is_said() -> None:
-    data, _ = engine(load("stanford"))
-    wrist = next(f for f in data["families"] if f["branches"][0]["values"])
-    joint = wrist["branches"][0]["values"][0]["joint"]
-    start = [0.3, 0.9, 0.4, 0.2, 0.7, 0.1]
-
-    def crossed(*values: float) -> list[dict[str, Any]]:
-        rows = [[*start[:joint], value, *start[joint + 1 :]] for value in values]
+def test_what_a_path_crosses_between_its_samples_is_what_the_check_says() -> None:
+    """Of families of one condition, by a joint's value or by the sign of an equation."""
+    for name in ("stanford", "ur5", "scara", "puma560"):
+        arm = load(name)
+        form, (data, _) = closed_form(arm), engine(arm)
+        rows = np.random.default_rng(3).uniform(*arm.span, (8, arm.n))
         call = "m.crossings(d.families, rows, d.joints, d.task.lengthScale)"
-        found: list[dict[str, Any]] = ask(call, d=data, rows=rows)
-        return [f for f in found if f["name"] == wrist["name"]]
-
-    # The values of the branches are 0 and half a turn.
-    for values, spots in [
-        ((0.3, -0.3), [0.5]),
-        ((0.5, 0.3, 0.1), None),
-        ((0.5, 0.3, -0.1, 0.2), [1.75, 2 + 1 / 3]),
-        ((0.1, 0.1 + 2 * np.pi), [0.5 - 0.05 / np.pi, 1 - 0.05 / np.pi]),
-    ]:
-        found = [f["at"] for f in crossed(*values)]
-        assert found == ([] if spots is None else [pytest.approx(spots)])
-    # By the sign of an equation, also where it changes twice.
-    family = {"name": "E", "branches": [{"values": [], "equations": [wave([[2]], [1], [0])]}]}
-    call = "m.crossings([f], rows, [{prismatic: false}], 1)"
-    for rows, spots in [([[0.1], [3.1], [2.9]], [0.5]), ([[0.1], [6.2]], None)]:
-        found = ask(call, f=family, rows=rows)[0]["at"]
-        assert len(found) == (2 if spots is None else 1)
-        angles = np.interp(found, range(len(rows)), [r[0] for r in rows])
-        np.testing.assert_allclose(np.cos(angles), 0, atol=1e-9)
+        found = {f["name"]: f["at"] for f in ask(call, d=data, rows=rows)}
+        told = check_trajectory(form, rows).crossings
+        assert len(told) > 0
+        for family in form.families:
+            there = [c.t for c in told if c.family == family.name]
+            assert found.get(family.name, []) == pytest.approx(there, abs=1e-6)
 
 
 @pytest.mark.slow

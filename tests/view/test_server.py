@@ -23,33 +23,53 @@ import meshcat
 import pytest
 from command_line import soon, started
 
-from pinsing.view.server import _FAREWELL, Listener, Server, asset, meshcat_script, static_html
+from pinsing.view.server import (
+    _FAREWELL,
+    Listener,
+    Server,
+    asset,
+    is_loopback,
+    meshcat_script,
+    static_html,
+)
 
 SECONDS = 120
 """What does not end within these, even on a busy machine, never does."""
 KEY = "AAAAAAAAAAAAAAAAAAAAAA=="
 
 
-def served(port: int | None = None) -> Server:
-    """A server whose page has come."""
+OPENED = contextlib.ExitStack()
+
+
+@pytest.fixture(autouse=True)
+def _closed() -> Iterator[None]:
+    """What a test opens is closed at its end: servers, links, tabs."""
+    with OPENED:
+        yield
+
+
+def served(port: int | None = None, filled: bool = True) -> Server:
+    """A server, whose page has come where it is filled."""
     made = Server("test", port=port)
-    made.fill({}, b"scene", b"", lambda: {"q": [0.5]})
+    OPENED.callback(made.close)
+    if filled:
+        made.fill({}, b"scene", b"", lambda: {"q": [0.5]})
     return made
 
 
 @pytest.fixture
-def server() -> Iterator[Server]:
-    made = served(port=0)
-    yield made
-    made.close()
+def server() -> Server:
+    return served(port=0)
 
 
 def token(server: Server) -> str:
     return server.url.split("/")[3]
 
 
-def linked(server: Server, timeout: float = 5) -> socket.socket:
-    return socket.create_connection(("127.0.0.1", server.port), timeout=timeout)
+def linked(server: Server, sent: bytes = b"", timeout: float = 5) -> socket.socket:
+    link = socket.create_connection(("127.0.0.1", server.port), timeout=timeout)
+    OPENED.enter_context(link).sendall(sent)
+    return link
 
 
 def request(server: Server, path: str, **headers: str) -> bytes:
@@ -70,9 +90,7 @@ def raw(
     server: Server, path: str, ask: Callable[..., bytes] = request, **headers: str
 ) -> tuple[int, str]:
     """Send a request; return its status and the head of the answer."""
-    with linked(server) as link:
-        link.sendall(ask(server, path, **headers))
-        head = link.recv(65536).decode("latin-1")
+    head = linked(server, ask(server, path, **headers)).recv(65536).decode("latin-1")
     return int(head.split()[1]), head.split("\r\n\r\n")[0]
 
 
@@ -81,8 +99,15 @@ def upgrade(server: Server, path: str, **headers: str) -> int:
 
 
 def test_the_right_page_gets_through(server):
-    assert upgrade(server, f"/{token(server)}/live") == 101
-    assert raw(server, f"/{token(server)}/page.json")[0] == 200
+    key = token(server)
+    assert upgrade(server, f"/{key}/live") == 101
+    for part in ("", "begin.js", "page.css", "page.js", "meshcat.js", "page.json", "scene"):
+        assert raw(server, f"/{key}/{part}")[0] == 200
+    assert raw(server, f"/{key}/nothing")[0] == 404
+    assert raw(server, f"/{key}/../pyproject.toml")[0] == 403
+    assert raw(server, f"/{key}/page.json", Host=f"localhost:{server.port}")[0] == 200
+    hosts = ("127.0.0.1", "localhost", "::1", "0.0.0.0", "192.168.1.2")
+    assert [is_loopback(host) for host in hosts] == [True] * 3 + [False] * 2
     with pytest.raises(urllib.error.HTTPError) as refused:
         urllib.request.urlopen(f"http://127.0.0.1:{server.port}/", timeout=SECONDS)
     assert "printed in its terminal" in refused.value.read().decode()
@@ -140,9 +165,7 @@ def test_without_the_token_there_is_nothing(server: Server, path: str) -> None:
 
 
 def test_tokens_are_long_and_new_each_time(server: Server) -> None:
-    other = served(port=0)
-    found = {token(server), token(other), server.framed_url.split("/")[3]}
-    other.close()
+    found = {token(server), token(served(port=0)), server.framed_url.split("/")[3]}
     assert [len(text) >= 32 for text in found] == [True] * 3
     wrong = token(server)[:-1] + ("A" if token(server)[-1] != "A" else "B")
     assert raw(server, f"/{wrong}/scene")[0] == 403
@@ -166,7 +189,7 @@ class Tab:
     """A page that speaks WebSocket over a plain socket."""
 
     def __init__(self, server: Server, buffer: int | None = None) -> None:
-        self.link = socket.socket()
+        self.link = OPENED.enter_context(socket.socket())
         if buffer is not None:
             self.link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, buffer)
         self.link.settimeout(10)
@@ -207,12 +230,11 @@ def test_a_page_is_told_where_to_start_and_says_nothing_itself(server: Server) -
         tab.read()
     server.send({"shown": 1})
     assert other.read() == {"shown": 1}
-    for link in (tab.link, other.link):
-        link.close()
 
 
 def test_tabs_that_do_not_read_harm_nobody_else(server: Server) -> None:
-    deaf = [Tab(server, buffer=4096) for _ in range(5)]
+    for _ in range(5):  # which stay open
+        Tab(server, buffer=4096)
     good = Tab(server)
     assert "q" in good.read()
     for _ in range(50):
@@ -223,16 +245,13 @@ def test_tabs_that_do_not_read_harm_nobody_else(server: Server) -> None:
     # It has ended by itself, after two waits: ``close`` does not wait for ever.
     assert not server._thread.is_alive()
     assert 2 * _FAREWELL < 1
-    for tab in (*deaf, good):
-        tab.link.close()
 
 
 def test_more_tabs_than_anyone_opens_are_refused(server: Server, monkeypatch: Any) -> None:
     monkeypatch.setattr("pinsing.view.server.MOST_PAGES", 3)
-    tabs = [Tab(server) for _ in range(3)]
+    for _ in range(3):
+        Tab(server)
     assert upgrade(server, f"/{token(server)}/live") == 503
-    for tab in tabs:
-        tab.link.close()
 
 
 def what_comes(link: socket.socket) -> bytes:
@@ -255,9 +274,8 @@ def what_comes(link: socket.socket) -> bytes:
     ids=["long port", "no text", "no form", "TLS"],
 )
 def test_what_is_no_request_leaves_no_line_in_the_log(request_text, server, caplog):
-    with linked(server) as link:
-        link.sendall(request_text.encode("latin-1"))
-        assert what_comes(link) in (b"", b"HTTP/1.1 4")
+    link = linked(server, request_text.encode("latin-1"))
+    assert what_comes(link) in (b"", b"HTTP/1.1 4")
     assert raw(server, f"/{token(server)}/")[0] == 200
     assert not [r for r in caplog.records if r.levelno >= logging.WARNING]
 
@@ -270,10 +288,9 @@ def test_links_without_number_are_dropped(monkeypatch: Any, caplog: Any) -> None
     for link in held:
         link.close()
     soon(lambda: server._http is not None and not server._http._held, 10)
-    tabs = [Tab(server) for _ in range(7)]  # pages are counted by themselves
+    for _ in range(7):  # pages are counted by themselves
+        Tab(server)
     assert raw(server, f"/{token(server)}/")[0] == 200
-    for tab in tabs:
-        tab.link.close()
     server.close()
     assert not caplog.records
 
@@ -289,10 +306,7 @@ def test_half_open_links_lock_nobody_out_and_are_dropped(monkeypatch: Any) -> No
     monkeypatch.setattr("pinsing.view.server._REQUEST_SECONDS", 1.5)
     server = served()
     tab = Tab(server)
-    held = []
-    for half in HALF * 60:
-        held.append(linked(server, 10))
-        held[-1].sendall(half)
+    held = [linked(server, half, 10) for half in HALF * 60]
     begun = time.monotonic()
     for _ in range(3):
         assert raw(server, f"/{token(server)}/")[0] == 200
@@ -303,9 +317,6 @@ def test_half_open_links_lock_nobody_out_and_are_dropped(monkeypatch: Any) -> No
     soon(lambda: server._http is not None and not server._http._held, 5)
     server.send({"shown": 1})  # a page is not
     assert [tab.read(), tab.read()] == [{"q": [0.5]}, {"shown": 1}]
-    for link in (*held, tab.link):
-        link.close()
-    server.close()
 
 
 def test_the_viewer_comes_with_the_licences_of_what_is_in_it(server: Server) -> None:
@@ -333,7 +344,7 @@ def test_a_process_out_of_files_says_nothing_and_takes_up_again(monkeypatch: Any
             raise OSError(errno.EMFILE, "Too many open files")
         return accept(self)
 
-    listener = Listener()
+    listener = OPENED.enter_context(Listener())
     monkeypatch.setattr(socket.socket, "accept", refused)
     for _ in range(3):
         with pytest.raises(BlockingIOError):
@@ -344,7 +355,6 @@ def test_a_process_out_of_files_says_nothing_and_takes_up_again(monkeypatch: Any
         there, address = listener.accept()
         assert address == link.getsockname()
         there.close()
-    listener.close()
 
 
 @pytest.fixture
@@ -364,9 +374,9 @@ def test_a_signal_ends_a_page_with_tabs_open(command, how: signal.Signals) -> No
     page, there = command
     children = Path(f"/proc/{page.pid}/task/{page.pid}/children")
     assert not children.exists() or not children.read_text().split()
-    tabs = [Tab(there) for _ in range(5)]
-    waiting = linked(there)
-    waiting.sendall(b"GET / HTTP/1.1\r\n")
+    for _ in range(5):
+        Tab(there)
+    linked(there, b"GET / HTTP/1.1\r\n")
     page.send_signal(how)
     said = page.communicate(timeout=SECONDS)[1]
     with pytest.raises(ConnectionRefusedError):
@@ -374,9 +384,6 @@ def test_a_signal_ends_a_page_with_tabs_open(command, how: signal.Signals) -> No
     if how != signal.SIGKILL:
         assert page.returncode == 0
         assert said.splitlines()[-1] == "pinsing: ended"
-    for tab in tabs:
-        tab.link.close()
-    waiting.close()
 
 
 @pytest.mark.skipif(not Path("/proc/self/net/tcp").exists(), reason="Linux")
@@ -398,27 +405,22 @@ def test_no_port_is_open_but_the_one(command) -> None:
 
 def test_a_page_that_comes_early_waits_for_what_it_shows(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "resource", None)  # as where there is none
-    server = Server("early", port=0)
-    try:
-        assert raw(server, f"/{token(server)}/")[0] == 200
-        with ThreadPoolExecutor(1) as pool:
-            asked = pool.submit(raw, server, f"/{token(server)}/page.json")
-            assert wait([asked], 0.2).not_done
-            tab = Tab(server)
-            server.fill({}, b"scene", b"links", lambda: {"q": [0.5]})
-            assert asked.result(5)[0] == 200
-            assert tab.read() == {"q": [0.5]}
-            tab.link.close()
-    finally:
-        server.close()
+    server = served(port=0, filled=False)
+    assert raw(server, f"/{token(server)}/")[0] == 200
+    with ThreadPoolExecutor(1) as pool:
+        asked = pool.submit(raw, server, f"/{token(server)}/page.json")
+        assert wait([asked], 0.2).not_done
+        tab = Tab(server)
+        server.fill({}, b"scene", b"links", lambda: {"q": [0.5]})
+        assert asked.result(5)[0] == 200
+        assert tab.read() == {"q": [0.5]}
 
 
 def test_a_page_that_waits_is_told_when_nothing_comes() -> None:
-    server = Server("early", port=0)
-    with linked(server, 0.2) as link:
-        link.sendall(request(server, f"/{token(server)}/scene"))
-        with pytest.raises(TimeoutError):
-            link.recv(1)
-        server.close()
-        link.settimeout(10)
-        assert link.recv(65536)[:12] in (b"", b"HTTP/1.1 503")
+    server = served(port=0, filled=False)
+    link = linked(server, request(server, f"/{token(server)}/scene"), 0.2)
+    with pytest.raises(TimeoutError):
+        link.recv(1)
+    server.close()
+    link.settimeout(10)
+    assert link.recv(65536)[:12] in (b"", b"HTTP/1.1 503")

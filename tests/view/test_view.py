@@ -22,7 +22,6 @@ from links import get
 from pages import baked
 from pinocchio.visualize import MeshcatVisualizer
 from tiers import tiered
-from urdf_text import ZERO, Y, chain_text
 
 import pinsing
 from pinsing.cli import output
@@ -36,7 +35,6 @@ from pinsing.robot.load import load
 from pinsing.sampling.analyze import analyze, singular_configurations
 from pinsing.sampling.sweeps import sweep
 from pinsing.view import Viewer, scene
-from pinsing.view.server import is_loopback
 from pinsing.view.trajectory import dropped
 from pinsing.view.viewer import family_entries, finding_entries
 
@@ -120,25 +118,6 @@ def test_links_stand_where_the_whole_robot_has_them(robot: str | dict[str, str])
         assert (back * there).isApprox(geometry.oMg[i], 1e-9)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("file", ["package://nowhere/a.dae", "bad.stl"])
-def test_bones_stand_for_a_mesh_that_is_missing_or_broken(file, tmp_path):
-    (tmp_path / "bad.stl").write_bytes(b"this is not a mesh")
-    mesh = (
-        f'<link name="extra"><visual><geometry><mesh filename="{file}"/></geometry></visual></link>'
-        '<joint name="fixed" type="fixed"><parent link="l2"/><child link="extra"/>'
-        '<origin xyz="0.3 0 0"/></joint>'
-    )
-    text = chain_text([("revolute", ZERO, Y), ("revolute", (0.4, 0, 0.1), Y)], (-2, 2))
-    (tmp_path / "arm.urdf").write_text(text.replace("</robot>", f"{mesh}</robot>"))
-    arm = load(tmp_path / "arm.urdf", task="vx,vz")
-    with Viewer(arm) as viewer:
-        page = viewer._page(live=False)
-        assert any(file.removeprefix("package://") in note for note in page["notes"])
-        assert page["settings"]["bare"] == [1, 2]
-        assert "<html" in viewer.html()
-
-
 def test_show_and_show_family():
     with Viewer(textbook("stanford"), skeleton=True) as viewer:
         viewer.show([0, 1, 0.3, 0, 0.5, 0])
@@ -209,31 +188,6 @@ def test_next_to_a_users_own_visualizer() -> None:
         Viewer(arm, visualizer=object())
 
 
-@pytest.fixture
-def live() -> Any:
-    with Viewer(textbook("stanford"), skeleton=True) as viewer:
-        viewer.url  # noqa: B018
-        yield viewer
-
-
-def test_the_page_is_served_to_itself_alone(live):
-    server = live._server
-    for part in ("", "begin.js", "page.css", "page.js", "meshcat.js", "page.json", "scene"):
-        status, body = get(live.url + part)
-        assert status == 200
-        assert body
-    assert get(live.url + "nothing")[0] == 404
-    assert get(live.url + "../pyproject.toml")[0] == 403
-    assert get(live.url + "page.json", Host=f"localhost:{server.port}")[0] == 200
-    assert {s.getsockname()[0] for s in server._sockets} == {"127.0.0.1"}
-    hosts = ("127.0.0.1", "localhost", "::1", "0.0.0.0", "192.168.1.2")
-    assert [is_loopback(host) for host in hosts] == [True] * 3 + [False] * 2
-    framed = server.framed_url
-    assert framed != live.url
-    assert f'src="{framed}"' in live.jupyter_cell(height=300, live=True).data
-    assert get(framed)[0] == 200
-
-
 @pytest.mark.slow
 def test_a_viewer_brings_nothing_that_a_browser_would_wait_for_in_vain() -> None:
     code = (
@@ -275,6 +229,11 @@ def test_a_notebook_gets_the_page_itself() -> None:
         assert html.unescape(frame[1]) == viewer.html()
         assert "127.0.0.1" not in cell
     assert viewer._server is None
+    with viewer:
+        live = viewer.jupyter_cell(height=300, live=True).data
+        assert viewer._server.framed_url != viewer.url
+        assert f'src="{viewer._server.framed_url}"' in live
+        assert get(viewer._server.framed_url)[0] == 200
 
 
 def test_ctrl_c_between_the_address_and_the_page(

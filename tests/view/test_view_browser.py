@@ -24,6 +24,7 @@ from chromium import (
     picture,
     q_of,
     require_browser,
+    serious_findings,
     show_only,
     text,
     until,
@@ -629,19 +630,13 @@ def test_actions_work_one_after_the_other(page, addresses, kind, actions):
 @pytest.mark.parametrize("kind", ["arm", "mechanism"])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_has_no_serious_finding(page, addresses, kind, scheme):
-    package = pytest.importorskip("axe_core_python", reason="needs axe-core-python")
-    axe = (Path(package.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
     page.emulate_media(color_scheme=scheme)
     for width in (1280, 400):
         page.set_viewport_size({"width": width, "height": 800})
         if page.url == "about:blank" or scheme == "dark":  # wider and narrower, and afresh
             open_page(page, addresses("file", kind))
-            page.evaluate(axe)
         page.wait_for_function("(w) => window.innerWidth === w", arg=width)
-        found = page.evaluate("() => axe.run()")["violations"]
-        serious = [(v["id"], v["nodes"][0]["target"]) for v in found
-                   if v["impact"] in ("serious", "critical")]  # fmt: skip
-        assert not serious
+        assert serious_findings(page) == []
 
 
 @pytest.mark.slow
