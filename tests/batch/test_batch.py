@@ -3,6 +3,7 @@
 import itertools
 import os
 import time
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -81,63 +82,52 @@ def test_sine_and_cosine_at_any_angle(isa: str) -> None:
 # ---- singular values of chains
 
 
-@pytest.mark.parametrize("name", ROBOTS)
-@pytest.mark.parametrize("length_scale", [1.0, 0.3, 1e-3, 1e-9, 1e9])
-def test_a_scaled_chain_has_the_values_of_scaled_rows(isa, name, length_scale):
-    chain = flatten(ROBOTS[name]())
-    Q = np.random.default_rng(5).uniform(-3, 3, (600, chain.n))
-    Q[::3, -2] = 0.0  # singular wrists
-    J = engine.jacobians(chain, Q, isa=isa)
-    J[:, :3] /= length_scale
-    assert close(engine.singular_values(chain, Q, length_scale=length_scale, isa=isa), lapack(J))
-
-
-@pytest.mark.parametrize("size", [1e3, 1e5, 1e150])
-def test_long_links(isa, size):
+def chains() -> Iterator[tuple[str, Chain, np.ndarray, float]]:
+    """By name: chains, configurations, of which many are singular or nearly so, length scales."""
+    rng = np.random.default_rng(5)
+    for name, robot in ROBOTS.items():
+        chain = flatten(robot())
+        Q = rng.uniform(-3, 3, (600, chain.n))
+        Q[::3, -2] = 0.0  # singular wrists
+        for length in (1.0, 0.3, 1e-3, 1e-9, 1e9):
+            yield f"{name}, {length}", chain, Q, length
+        # All joints at multiples of 90 degrees, and near them: rank lost once or several times.
+        Q = rng.integers(-2, 3, (3000, chain.n)) * (np.pi / 2)
+        Q[1000:] += 10 ** rng.uniform(-17, -2, (2000, 1)) * rng.standard_normal((2000, chain.n))
+        yield f"{name} at right angles", chain, Q, 1.0
     plain = random_chain(6, "revolute", 12)
-    Q = np.random.default_rng(13).uniform(-3, 3, (100, 6))
-    chain = Chain(plain.R, plain.t * size, plain.prismatic)
-    J = engine.jacobians(chain, Q, isa=isa)
-    assert close(engine.singular_values(chain, Q, isa=isa), lapack(J))
-
-
-@pytest.mark.parametrize("name", ROBOTS)
-def test_singular_configurations(isa: str, name: str) -> None:
-    # All joints at multiples of 90 degrees, and near them: rank lost once or several times.
-    chain = flatten(ROBOTS[name]())
-    rng = np.random.default_rng(6)
-    Q = rng.integers(-2, 3, (3000, chain.n)) * (np.pi / 2)
-    Q[1000:] += 10 ** rng.uniform(-17, -2, (2000, 1)) * rng.standard_normal((2000, chain.n))
-    expected = lapack(engine.jacobians(chain, Q, isa=isa))
-    assert (expected[:, -1] < 1e-9 * expected[:, 0]).sum() > 300
-    assert close(engine.singular_values(chain, Q, isa=isa), expected)
-
-
-# ---- the same bits, whatever the split
-
-
-@pytest.mark.parametrize("n", [6, 7, 8, 9, 13])
-def test_a_tip_on_the_last_axis(isa: str, n: int) -> None:
-    """Then the last column is a unit vector, and singular values are begun with it."""
-    rng = np.random.default_rng(n)
-    for right_angles in (False, True):
-        chain = random_chain(n, "revolute", n)
-        R, t = chain.R.copy(), chain.t.copy()
-        t[n, :2] = 0.0
-        if right_angles:
-            turn = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-            R[:] = [turn if k % 3 else np.eye(3) for k in range(n + 1)]
-            t[1::2] = 0.0
-        chain = Chain(R, t, chain.prismatic)
+    for size in (1e3, 1e5, 1e150):
+        chain = Chain(plain.R, plain.t * size, plain.prismatic)
+        yield f"links of {size}", chain, rng.uniform(-3, 3, (100, 6)), 1.0
+    # A tip on the last axis: the last column is a unit vector, and values are begun with it.
+    turn = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    for n in (6, 7, 8, 9, 13):
         Q = rng.uniform(-3, 3, (400, n))
-        Q[:100] = rng.integers(-4, 5, (100, n)) * np.pi / 4  # many of them singular
-        steps = 10.0 ** rng.uniform(-12, -2, (100, 1))
-        Q[100:200] = Q[:100] + rng.standard_normal((100, n)) * steps
-        S = engine.singular_values(chain, Q, threads=1, isa=isa)
-        assert close(S, lapack(engine.jacobians(chain, Q, threads=1, isa=isa)))
-        some = np.split(Q, range(7, 400, 7))
-        parts = [engine.singular_values(chain, part, threads=1, isa=isa) for part in some]
-        assert (np.concatenate(parts) == S).all()
+        Q[:100] = rng.integers(-4, 5, (100, n)) * np.pi / 4
+        Q[100:200] = Q[:100] + rng.standard_normal((100, n)) * 10.0 ** rng.uniform(
+            -12, -2, (100, 1)
+        )
+        plain = random_chain(n, "revolute", n)
+        plain.t[n, :2] = 0.0
+        yield f"{n} joints, tip on the last axis", plain, Q, 1.0
+        R = np.array([turn if k % 3 else np.eye(3) for k in range(n + 1)])
+        t = plain.t * (np.arange(n + 1) % 2 == 0)[:, None]
+        yield f"{n} joints at right angles", Chain(R, t, plain.prismatic), Q, 1.0
+
+
+def test_values_of_a_chain_are_those_of_its_jacobians_whatever_the_split(isa: str) -> None:
+    singular = 0
+    for name, chain, Q, length in chains():
+        J = engine.jacobians(chain, Q, threads=1, isa=isa)
+        J[:, :3] /= length
+        expected = lapack(J)
+        how = {"length_scale": length, "threads": 1, "isa": isa}
+        S = engine.singular_values(chain, Q, **how)
+        assert close(S, expected), name
+        parts = [engine.singular_values(chain, q, **how) for q in np.split(Q, range(7, len(Q), 7))]
+        assert (np.concatenate(parts) == S).all(), name
+        singular += (expected[:, -1] < 1e-9 * expected[:, 0]).sum()
+    assert singular > 2000
 
 
 def test_threads_and_chunks_do_not_change_a_bit(isa: str) -> None:
@@ -161,10 +151,6 @@ def test_threads_and_chunks_do_not_change_a_bit(isa: str) -> None:
     for i in (0, 1, 13, 4099, N - 1):
         assert np.array_equal(J[i], engine.jacobians(chain, Q[i : i + 1], isa=isa)[0])
         assert np.array_equal(S[i], engine.singular_values(chain, Q[i : i + 1], isa=isa)[0])
-    for size in (3, 17, 100):
-        parts = np.split(Q[: 6 * size], 6)
-        values = [engine.singular_values(chain, part, isa=isa) for part in parts]
-        assert np.array_equal(np.concatenate(values), S[: 6 * size])
     for first, last in ((0, 1), (1, 4), (4, 13), (13, 200)):
         assert np.array_equal(V[first:last], engine.svdvals(A[first:last], isa=isa))
     order, other = rng.permutation(N), rng.permutation(len(A))

@@ -259,60 +259,31 @@ def test_dimensions(name):
         assert max(own) == joints - family.codimension
 
 
-MULTIPLIED = """
-proc inv(matrix T) {
-  matrix V[4][4]; int a; int b; V[4,4] = 1;
-  for (a=1; a<=3; a++) {
-    for (b=1; b<=3; b++) { V[a,b] = T[b,a]; V[a,4] = V[a,4] - T[b,a]*T[b,4]; }
-  }
-  return(V); }
-proc low(matrix T, ideal K) {
-  matrix V = matrix(reduce(ideal(T),K),nrows(T),ncols(T)); return(V); }
-"""
-
-
 def determinant_in_singular(arm):
     """Commands that leave the determinant of the Jacobian in ``D``, from placements and motions."""
     exact = nominal(arm)
     quarter = np.round(exact.offset / (np.pi / 2)).astype(int)
     assert np.abs(exact.offset - quarter * np.pi / 2).max() < 1e-12
-    variables, circles, out = [], [], []
-    for j, slides in enumerate(exact.prismatic, 1):
-        variables += [f"d{j}"] if slides else [f"c{j}", f"s{j}"]
-        circles += [] if slides else [f"c{j}^2+s{j}^2-1"]
-    out.append(f"ring J = 0,({','.join(variables)}),dp;")
-    out.append(MULTIPLIED)
-    out.append(f"ideal K = std(ideal({','.join(circles)}));")
-
-    def placed(i):
-        rows = [[*map(str, exact.rotation[i][r]), str(exact.translation[i][r])] for r in range(3)]
-        return ",".join(x for row in [*rows, ["0", "0", "0", "1"]] for x in row)
-
-    def moved(j):
-        if exact.prismatic[j - 1]:
-            return f"1,0,0,0,0,1,0,0,0,0,1,d{j},0,0,0,1"
-        c, s = [
-            (f"c{j}", f"s{j}"), (f"-s{j}", f"c{j}"), (f"-c{j}", f"-s{j}"), (f"s{j}", f"-c{j}")
-        ][quarter[j - 1] % 4]  # fmt: skip
-        return f"{c},-({s}),0,0,{s},{c},0,0,0,0,1,0,0,0,0,1"
-
-    n, middle = arm.n, arm.n // 2
-    for j in range(1, n + 1):
-        out += [f"matrix P{j}[4][4] = {placed(j - 1)};", f"matrix M{j}[4][4] = {moved(j)};"]
-    out.append(f"matrix T{middle} = freemodule(4);")
-    for j in range(middle, n):
-        out.append(f"matrix T{j + 1} = low(T{j}*M{j}*P{j + 1},K);")
-    for j in range(middle - 1, 0, -1):
-        out.append(f"matrix T{j} = low(T{j + 1}*inv(low(M{j}*P{j + 1},K)),K);")
-    out.append(f"matrix A[6][{n}];")
-    for j, slides in enumerate(exact.prismatic, 1):
-        z = [f"T{j}[{r},3]" for r in (1, 2, 3)]
-        p = [f"T{j}[{r},4]" for r in (1, 2, 3)]
-        v = z if slides else [f"{p[a]}*{z[b]}-{p[b]}*{z[a]}" for a, b in ((1, 2), (2, 0), (0, 1))]
-        w = ["0"] * 3 if slides else z
-        out += [f"A[{r},{j}] = {x};" for r, x in enumerate([*v, *w], 1)]
-    out.append("A = low(A,K); poly D = reduce(det(A),K);")
-    return out
+    joints = [*enumerate(exact.prismatic, 1)]
+    names = ",".join(f"d{j}" if slides else f"c{j},s{j}" for j, slides in joints)
+    circles = ",".join(f"c{j}^2+s{j}^2-1" for j, slides in joints if not slides)
+    out = [f"ring J = 0,({names}),dp; ideal K = std(ideal({circles})); matrix A[6][{arm.n}];"]
+    out.append("matrix T[4][4]; T = T + 1;")
+    placed = [np.column_stack(p) for p in zip(exact.rotation, exact.translation, strict=False)]
+    for (j, slides), place in zip(joints, placed, strict=False):
+        turns = np.roll([f"c{j}", f"s{j}", f"-c{j}", f"-s{j}"], -quarter[j - 1])
+        c, s, less_s = turns[[0, 1, 3]]
+        moved = f"{c},{less_s},0,0,{s},{c},0,0,0,0,1,0"
+        if slides:
+            moved = f"1,0,0,0,0,1,0,0,0,0,1,d{j}"
+        out.append(f"matrix P{j}[4][4] = {','.join(map(str, place.flat))},0,0,0,1;")
+        out.append(f"matrix M{j}[4][4] = {moved},0,0,0,1;")
+        out.append(f"T = matrix(reduce(ideal(T*P{j}*M{j}),K),4,4);")
+        z, p = ([f"T[{row},{column}]" for row in (1, 2, 3)] for column in (3, 4))
+        v = [f"{p[a - 2]}*{z[a - 1]}-{p[a - 1]}*{z[a - 2]}" for a in range(3)]
+        screw = [*z, 0, 0, 0] if slides else [*v, *z]
+        out += [f"A[{row},{j}] = {x};" for row, x in enumerate(screw, 1)]
+    return [*out, "poly D = reduce(det(A),K);"]
 
 
 @needs_singular
