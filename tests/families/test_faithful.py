@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from public import script
 from singular_sets import RIGHT, Joint, build, iiwa_with_offset, ring_for
-from tiers import tiered_rows
+from tiers import tiered, tiered_rows
 
 from pinsing.algebra.budget import Budget, Stages
 from pinsing.algebra.real_roots import (
@@ -49,13 +49,24 @@ def on_no_family(form, **degrees):
     return sum(form.family_of(x) is None for x in q), len(q)
 
 
-@pytest.mark.parametrize("turned", [0, 180])
-def test_a_rational_value_lies_only_where_it_is(turned):
-    """0 was taken for 180 degrees, and a component dropped as a part of q3 = 180 degrees."""
-    form = closed_form(chain(EVEN), seconds=60, prove=False)
+THIRD = 2 * math.degrees(math.atan(1 / 3))
+HELD = {
+    # 0 was taken for 180 degrees, and a component dropped as a part of q3 = 180 degrees.
+    "a rational value": (EVEN, "pose", [{"q2": 0, "q3": 0}, {"q2": 180, "q3": 0}, {"q3": 180}]),
+    # sin q3 = 0 was solved as q3 = 0.
+    "a product": (
+        SYMMETRIC, "vx,vy,vz,wz",
+        [{"q3": q3, "q4": 0, "q5": q5} for q3 in (0, 180) for q5 in (THIRD, THIRD - 180)],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", tiered(HELD, {"a rational value"}))
+def test_no_value_of_a_joint_is_lost(name):
+    rows, task, values = HELD[name]
+    form = closed_form(chain(rows, task), seconds=60, prove=False)
     assert form.complete, form.gaps
-    assert on_no_family(form, q2=turned, q3=0) == (0, 40)
-    assert on_no_family(form, q3=180) == (0, 40)
+    assert [on_no_family(form, **degrees) for degrees in values] == [(0, 40)] * len(values)
 
 
 @pytest.mark.slow
@@ -65,16 +76,6 @@ def test_what_is_nearly_zero_is_no_error():
     alpha = (-90, 90, 90, -90, 90, 90, 0)
     form = closed_form(chain([(0, *row) for row in zip(d, a, alpha, strict=True)]))
     assert (form.word, len(form.families)) == ("proven", 4)
-
-
-@pytest.mark.slow
-def test_a_relation_that_is_a_product_has_all_of_its_roots():
-    """sin q3 = 0 was solved as q3 = 0."""
-    form = closed_form(chain(SYMMETRIC, "vx,vy,vz,wz"), seconds=60, prove=False)
-    assert form.complete, form.gaps
-    for q3 in (0, 180):
-        for q5 in (2 * math.degrees(math.atan(1 / 3)), 2 * math.degrees(math.atan(1 / 3)) - 180):
-            assert on_no_family(form, q3=q3, q4=0, q5=q5) == (0, 40)
 
 
 def test_a_value_read_wrongly_is_no_complete_answer(monkeypatch):
@@ -274,12 +275,12 @@ def test_boundary_or_interior_is_said_of_each_piece():
 def test_a_rounded_limit_is_met():
     """Limits of 1.570796325, 1.8e-9 short of 90 degrees, as a published PUMA has them."""
 
-    def arm(theta, upper, task="pose"):
+    def arm(theta, upper, task="orientation"):
         second = Joint(alpha=RIGHT, theta=theta, limits=(0.1, upper))
         return build([Joint(d=0.4), second, Joint(alpha=-RIGHT, a=0.3)], task=task)
 
     cases = (0, 1.570796325), (RIGHT, 1.570796325), (RIGHT, 1.5)  # the last is 4 degrees short
-    forms = [closed_form(arm(*case, "orientation")) for case in cases]
+    forms = [closed_form(arm(*case)) for case in cases]
     (plain,), (family,), (beyond,) = (form.families for form in forms)
     assert plain.text == "q2 = 0° or 180°"
     assert (family.text, family.reachability) == ("q2 = ±90°", "at the joint limit")
@@ -287,7 +288,7 @@ def test_a_rounded_limit_is_met():
     for words in ("1.570796327", "1.570796325", "1.8e-09"):
         assert words in family.limits_met[0]
     assert beyond.reachability == "not reachable"
-    values = sweep(arm(*cases[0]), levels=1, samples=20).plan.effects[1].special
+    values = sweep(arm(*cases[0], "pose"), levels=1, samples=20).plan.effects[1].special
     assert np.isclose(values, RIGHT, atol=1e-8).any()
 
 
