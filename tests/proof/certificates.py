@@ -105,7 +105,11 @@ def family_of(name, forms, least):
 
 def _others(value):
     """What else may stand in a place of a certificate."""
-    if isinstance(value, list):
+    yield None
+    if isinstance(value, dict):
+        yield {**value, "more": 1}
+        yield from ({k: v for k, v in value.items() if k != key} for key in value)
+    elif isinstance(value, list):
         for k in range(len(value)):
             yield value[:k] + value[k + 1 :]
             yield value[:k] + value[k : k + 2][::-1] + value[k + 2 :]
@@ -120,8 +124,7 @@ def _others(value):
 def _places(data, *path):
     """All of what stands in a certificate, and where."""
     value = functools.reduce(operator.getitem, path, data)
-    if not isinstance(value, dict):
-        yield path, value
+    yield path, value
     if isinstance(value, dict | list):
         for key in value if isinstance(value, dict) else range(len(value)):
             yield from _places(data, *path, key)
@@ -132,4 +135,4 @@ def mutants(name, step):
     true = certificate(name)
     changes = ((v, path) for path, value in _places(true) for v in _others(value) if v != value)
     for value, path in itertools.islice(changes, 0, None, step):
-        yield path, put(true, value, *path)
+        yield path, put(true, value, *path) if path else value

@@ -12,13 +12,33 @@ from itertools import combinations
 
 from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
-KEYS = {
-    *("schema", "robot", "base", "tip_frame", "task", "joints", "square_roots", "chain", "tip"),
-    *("rows", "axes", "rank", "row_steps", "column_steps", "polynomials", "families", "places"),
-}
-TERM = re.compile(r"(-?[0-9]{1,400}(?:/[1-9][0-9]{0,399})?)((?:[xys][0-9]+(?:\^[1-9][0-9]?)?)*)")
-WEIGHT = re.compile("[1-9][0-9]*(/[1-9][0-9]*)?")
+NUMBER = "[1-9][0-9]{0,399}"
+WEIGHT = re.compile(f"{NUMBER}(/{NUMBER})?")
+TERM = re.compile(rf"(-?[0-9]{{1,400}}(?:/{NUMBER})?)((?:[xys][0-9]+(?:\^[1-9][0-9]?)?)*)")
 POWER = re.compile(r"([xys][0-9]+)(?:\^([0-9]+))?")
+
+# The tables of the page: a tuple is a list of just these, a list holds any number of its one entry.
+SUM, MINOR, STEPS = [(str, int)], ([int], [int]), [(int, int, str)]
+PLACEMENT = {"rotation": ((str,) * 3,) * 3, "translation": (str,) * 3}
+FAMILY = {"name": str, "forms": [int], "least_codimension": int}
+FAMILY |= {"pivot": MINOR, "apart": [int], "multiples": [SUM]}
+PLACE = {"forms": [int], "of_forms": SUM, "of_minors": [(str, MINOR, [int])]}
+PLACE |= {"of_resultants": [(str, int, int, int)], "cases": [([int], [str], int, str, int)]}
+FORMAT = {
+    **dict.fromkeys(("schema", "robot", "base", "tip_frame", "task"), str),
+    "joints": [{"name": str, "kind": str}],
+    "square_roots": [int],
+    "chain": [{**PLACEMENT, "joint": int, "multiple": str}],
+    "tip": PLACEMENT,
+    "rows": [int],
+    "axes": int,
+    "row_steps": STEPS,
+    "column_steps": STEPS,
+    "rank": int,
+    "polynomials": [str],
+    "families": [FAMILY],
+    "places": [PLACE],
+}
 
 
 class No(Exception):
@@ -30,19 +50,26 @@ def need(condition, why):
         raise No(why)
 
 
-def whole(value, low, high, what):
-    need(type(value) is int and low <= value <= high, f"{what}: {value!r}")
-    return value
+def entry(items, k, what):
+    """Entry k, counted from 0."""
+    need(0 <= k < len(items), f"{what}: no entry {k}")
+    return items[k]
 
 
-def listed(value, what, length=None):
-    need(type(value) is list and length in (None, len(value)), f"{what}: not such a list")
-    return value
-
-
-def keyed(value, keys, what, optional=()):
-    need(type(value) is dict and set(keys) <= set(value) <= {*keys, *optional}, f"{what}: keys")
-    return value
+def need_format(value, pattern, what):
+    """Of the types and the keys of a pattern: never a text for a list, nor true for 1."""
+    if isinstance(pattern, type):
+        need(type(value) is pattern, f"{what}: another type")
+    elif type(pattern) is dict:
+        need(type(value) is dict and set(value) == set(pattern), f"{what}: other keys")
+        for key in pattern:
+            need_format(value[key], pattern[key], key)
+    else:
+        need(type(value) is list, f"{what}: no list")
+        each = pattern * len(value) if type(pattern) is list else pattern
+        need(len(value) == len(each), f"{what}: another length")
+        for item, of in zip(value, each, strict=True):
+            need_format(item, of, what)
 
 
 # Polynomials over K = Q(square roots): those of Q[x, y, s], with s reduced --------------------
@@ -53,107 +80,79 @@ class Ring:
 
     def __init__(self, kinds, roots):
         self.n, self.roots = len(kinds), roots
-        names = [f"{letter}{j + 1}" for j in range(self.n) for letter in "xy"] + ["s2", "s3"]
-        self.place_of = {name: k for k, name in enumerate(names)}
+        names = [f"{letter}{j + 1}" for j in range(self.n) for letter in "xy"]
+        self.names = [*names, *(f"s{root}" for root in roots)]
         inverses = [f"w{j + 1}" for j in range(self.n)]  # of the units, while the matrix is made
-        self.ctx = fmpq_mpoly_ctx.get(names + inverses, Ordering.lex)
-        gens = self.ctx.gens()
-        self.x, self.y = gens[0 : 2 * self.n : 2], gens[1 : 2 * self.n : 2]
-        self.s, self.w = gens[2 * self.n :][:2], gens[2 * self.n + 2 :]
-        self.zero, self.one = self.ctx.constant(0), self.ctx.constant(1)
+        ctx = fmpq_mpoly_ctx.get([*self.names, *inverses], Ordering.lex)
+        self.gens = ctx.gens()
+        self.x, self.y = self.gens[0 : 2 * self.n : 2], self.gens[1 : 2 * self.n : 2]
+        self.s, self.w = self.gens[2 * self.n : len(self.names)], self.gens[len(self.names) :]
+        self.zero, self.one = ctx.constant(0), ctx.constant(1)
         self.units = [
             x * x + y * y if kind == "revolute" else x
             for kind, x, y in zip(kinds, self.x, self.y, strict=True)
         ]
 
     def reduced(self, p):
-        if self.roots and p:
-            for s, square in zip(self.s, (2, 3), strict=True):
-                p = divmod(p, s * s - square)[1]
+        for s, square in zip(self.s, self.roots, strict=True):
+            p = divmod(p, s * s - square)[1]
         return p
 
-    def mul(self, p, q):
-        return self.reduced(p * q)
+    def mul(self, *factors):
+        product = self.one
+        for p in factors:
+            product = self.reduced(product * p)
+        return product
 
     def parse(self, text):
         """A form or a number from its text."""
-        need(type(text) is str, f"no text: {text!r}")
-        found = []
+        numbers, products = [], []
         for term in text.split(" "):
             match = TERM.fullmatch(term)
             need(match, f"no term: {term!r}")
-            exponents = [0] * self.ctx.nvars()
+            numbers.append(fmpq(match[1]))
+            products.append(self.one)
             for name, power in POWER.findall(match[2]):
-                need(name in self.place_of, f"no variable: {name}")
-                need(name[0] != "s" or int(name[1:]) in self.roots, f"no root: {name}")
-                exponents[self.place_of[name]] += int(power or 1)
-            top, _, bottom = match[1].partition("/")
-            found.append((exponents, fmpq(int(top), int(bottom or 1))))
-        for j in range(self.n):
-            whole = max(sum(exponents[2 * j : 2 * j + 2]) for exponents, _ in found)
-            for exponents, _ in found:
-                exponents[2 * j] += whole - sum(exponents[2 * j : 2 * j + 2])
-        terms = {}
-        for exponents, number in found:
-            terms[tuple(exponents)] = terms.get(tuple(exponents), 0) + number
-        p = self.reduced(self.ctx.from_dict({k: c for k, c in terms.items() if c}))
-        assert self.is_form(p)
-        return p
+                gen = self.names.index(name) if name in self.names else -1
+                products[-1] *= entry(self.gens, gen, name) ** int(power or 1)
+        for j, x in enumerate(self.x):
+            degrees = [self.degree(p, j) for p in products]
+            lacking = [max(degrees) - degree for degree in degrees]
+            products = [p * x**power for p, power in zip(products, lacking, strict=True)]
+        terms = (c * p for c, p in zip(numbers, products, strict=True))
+        return self.reduced(sum(terms, self.zero))
 
     def number(self, text):
         p = self.parse(text)
         need(not self.joints(p), f"not a number: {text!r}")
         return p
 
-    def degree(self, p, j):
-        """The degree of a form in x_j and y_j together."""
-        return max((m[2 * j] + m[2 * j + 1] for m in p.monoms()), default=0)
+    def degree(self, form, j):
+        """In x_j and y_j together: all terms have the same."""
+        return sum(form.monomial(0)[2 * j : 2 * j + 2]) if form else 0
 
-    def is_form(self, p):
-        return all(len({m[2 * j] + m[2 * j + 1] for m in p.monoms()}) <= 1 for j in range(self.n))
+    def degrees(self, form):
+        return [self.degree(form, j) for j in range(self.n)]
 
-    def joints(self, p):
-        degrees = p.degrees() if p else ()
-        return [j for j in range(self.n) if p and degrees[2 * j] + degrees[2 * j + 1]]
+    def joints(self, form):
+        return [j for j, degree in enumerate(self.degrees(form)) if degree]
 
-    def without_units(self, p):
-        for j in self.joints(p):
-            while True:
-                quotient, rest = divmod(p, self.units[j])
-                if rest or not p:
-                    break
-                p = quotient
-        return p
-
-    def coefficient(self, p, j, power):
-        """Of y_j^power x_j^0 in p: a form in the other joints."""
-        k = 2 * j
-        wanted = ((m, c) for m, c in p.to_dict().items() if m[k : k + 2] == (0, power))
-        return self.ctx.from_dict({(*m[:k], 0, 0, *m[k + 2 :]): c for m, c in wanted})
+    def without_units(self, *forms):
+        """Forms without the units that all of them have."""
+        for unit in self.units:
+            while any(forms) and not any(divmod(p, unit)[1] for p in forms):
+                forms = [divmod(p, unit)[0] for p in forms]
+        return list(forms)
 
     def put(self, p, values):
         """P with joints at values {j: (x, y)}."""
-        at = {}
-        for j, (x, y) in values.items():
-            at[f"x{j + 1}"], at[f"y{j + 1}"] = x, y
-        return self.reduced(p.compose(*[at.get(str(g), g) for g in self.ctx.gens()])) if at else p
-
-    def conjugates(self, p):
-        """The product of the other conjugates of p, and that times p, which is over Q."""
-        others = self.one
-        for root, k in ((2, 0), (3, 1)):
-            if root in self.roots:
-                both = self.mul(p, others)
-                gens = list(self.ctx.gens())
-                gens[2 * self.n + k] = -self.s[k]
-                others = self.mul(others, both.compose(*gens))
-        return others, self.mul(p, others)
+        images = list(self.gens)
+        for j, point in values.items():
+            images[2 * j : 2 * j + 2] = point
+        return self.reduced(p.compose(*images)) if values else p
 
     def divides(self, p, f):
-        if not self.roots:
-            return not divmod(f, p)[1]
-        others, norm = self.conjugates(p)
-        return not divmod(self.mul(f, others), norm)[1]
+        return not self.reduced(divmod(f, p)[1])
 
     def resultant(self, p, q, j):
         """Of two forms with respect to joint j; zero at x = 0 as well if both are.
@@ -161,14 +160,13 @@ class Ring:
         0, which tells nothing, where it would take long.
         """
         size = self.degree(p, j) + self.degree(q, j)
-        if len(p.monoms()) * len(q.monoms()) * size > 10_000:
+        if len(p) * len(q) * size > 10_000:
             return self.zero
-        flat = [f.subs({f"x{j + 1}": 1}) for f in (p, q)]
-        tops = [self.coefficient(f, j, self.degree(f, j)) for f in (p, q)]
-        result = flat[0].resultant(flat[1], f"y{j + 1}")
-        for top, other in (tops, tops[::-1]):
-            if not top:
-                result *= other
+        x, y = f"x{j + 1}", f"y{j + 1}"
+        result = p.subs({x: 1}).resultant(q.subs({x: 1}), y)
+        for form, other in ((p, q), (q, p)):
+            if not form.subs({x: 0}):
+                result *= other.subs({x: 0, y: 1})
         return self.reduced(result)
 
 
@@ -181,64 +179,47 @@ class Together:
     def __init__(self, ring, forms):
         self.ring, self.values = ring, {}
         self.forms = self.clean(forms)
-        while linear := next((f for f in self.forms if self.linear(f)), None):
-            j, x, y = self.linear(linear)
-            self.values[j] = (x, y)
-            self.forms = self.clean(ring.put(f, {j: (x, y)}) for f in self.forms)
+        while values := list(filter(None, map(self.value, self.forms))):
+            self.values |= values[0]
+            self.forms = self.clean(self.forms)
         self.nowhere = any(not ring.joints(f) for f in self.forms)
 
     def clean(self, forms):
-        out = []
-        for f in map(self.ring.without_units, forms):
-            if f and f not in out:
-                out.append(f)
-        return out
+        return [f for f in map(self.put, forms) if f]
 
-    def linear(self, f):
-        """(j, b, -a) if f is a x_j + b y_j."""
-        ring, joints = self.ring, self.ring.joints(f)
-        if len(joints) != 1 or ring.degree(f, joints[0]) != 1:
-            return None
-        j = joints[0]
-        a = ring.put(f, {j: (ring.one, ring.zero)})
-        b = ring.put(f, {j: (ring.zero, ring.one)})
-        return j, b, -a
+    def value(self, f):
+        """{j: (b, -a)} if f is a x_j + b y_j."""
+        joints = self.ring.joints(f)
+        if len(joints) != 1 or self.ring.degree(f, joints[0]) != 1:
+            return {}
+        (j,) = joints
+        return {j: (f.derivative(2 * j + 1), -f.derivative(2 * j))}
 
-    def vanishes(self, f):
-        """True if f is shown to vanish where these forms do."""
-        return self.vanishes_put(self.ring.put(f, self.values))
+    def put(self, f):
+        """The form at the values, without units."""
+        return self.ring.without_units(self.ring.put(f, self.values))[0]
 
-    def vanishes_put(self, f, more=()):
-        """The same of a form with the values put in; more forms may be known to vanish."""
-        f = self.ring.without_units(f)
+    def vanishes(self, f, more=()):
+        """True if f is shown to vanish where these forms, and more of them, do."""
+        f = self.put(f)
         return not f or any(self.ring.divides(p, f) for p in [*self.forms, *more])
 
     def apart_from(self, f):
-        """True if f, with the values put in, is shown to vanish on no component."""
-        f = self.ring.without_units(f)
-        return self.nowhere or self.codimension(len(self.forms) + 1, [*self.forms, f] if f else [])
+        """True if f is shown to vanish on no component."""
+        return Together(self.ring, [*self.forms, self.put(f)]).at_least(len(self.forms) + 1)
 
     def at_least(self, c):
         """True if each component is shown to have codimension c or more."""
-        return self.nowhere or self.codimension(c - len(self.values), self.forms)
-
-    def codimension(self, c, forms):
-        ring = self.ring
-        if c <= 0:
+        c -= len(self.values)
+        if self.nowhere or c <= 0:
             return True
-        plain = Together(ring, forms)
-        if plain.values and plain.forms != forms:
-            return plain.at_least(c)
-        if plain.nowhere or not plain.forms:
-            return plain.nowhere
-        forms = plain.forms
-        return self.missing(c, forms) or self.missing(c, [*forms, *self.eliminated(forms)])
+        return self.missing(c, self.forms) or self.missing(c, [*self.forms, *self.eliminated()])
 
-    def eliminated(self, forms):
+    def eliminated(self):
         """Resultants of all pairs in all joints of both, units out: zero on components, too."""
         found = [
-            self.ring.without_units(self.ring.resultant(p, q, j))
-            for p, q in combinations(forms, 2)
+            self.ring.without_units(self.ring.resultant(p, q, j))[0]
+            for p, q in combinations(self.forms, 2)
             for j in set(self.ring.joints(p)) & set(self.ring.joints(q))
         ]
         return [r for r in found if r]
@@ -247,20 +228,16 @@ class Together:
         """For any c - 1 joints: no common zero at some values of the others."""
         joints = sorted({j for f in forms for j in self.ring.joints(f)})
         return all(
-            self.not_onto(forms, kept, [j for j in joints if j not in kept])
+            any(self.none_at(seed, forms, kept, set(joints) - set(kept)) for seed in (1, 2, 3))
             for kept in combinations(joints, min(c - 1, len(joints)))
         )
 
-    def not_onto(self, forms, kept, others):
+    def none_at(self, seed, forms, kept, others):
+        """No common zero with these other joints at integers."""
         ring = self.ring
-        for seed in (1, 2, 3):
-            point = {
-                j: (ring.one, ring.ctx.constant(seed * 7 + 5 * k * k + 3 * k + 2))
-                for k, j in enumerate(others)
-            }
-            if self.no_zero([ring.put(f, point) for f in forms], kept):
-                return True
-        return False
+        integers = [seed * 7 + 5 * k * k + 3 * k + 2 for k in range(len(others))]
+        point = {j: (ring.one, i * ring.one) for j, i in zip(sorted(others), integers, strict=True)}
+        return self.no_zero([ring.put(f, point) for f in forms], kept)
 
     def no_zero(self, forms, joints):
         """No common zero, by elimination."""
@@ -286,7 +263,7 @@ def settled(ring, p):
     """With the inverse w of a unit u: w u = 1."""
     p = ring.reduced(p)
     for w, unit in zip(ring.w, ring.units, strict=True):
-        p = divmod(p, w * unit - 1)[1] if p else p
+        p = divmod(p, w * unit - 1)[1]
     return p
 
 
@@ -305,29 +282,43 @@ def product(ring, a, b):
     return [[settled(ring, dot(row, column)) for column in flipped(b)] for row in a]
 
 
+def cross(a, b):
+    return [a[k - 2] * b[k - 1] - a[k - 1] * b[k - 2] for k in range(3)]
+
+
+def determinant(ring, square):
+    """By expansion along rows, from the last one; minors of the rows so far by their columns."""
+    every = range(len(square))
+    minors = {(): ring.one}
+    for size, row in enumerate(reversed(square), 1):
+        of_less, minors = minors, {}
+        for columns in combinations(every, size):
+            total = ring.zero
+            for k, c in enumerate(columns):
+                total += (-1) ** k * row[c] * of_less[columns[:k] + columns[k + 1 :]]
+            minors[columns] = ring.reduced(total)
+    return minors[tuple(every)]
+
+
+def placement_of(ring, item):
+    """Of a link or the tip, 4 by 4."""
+    r = [[ring.number(text) for text in row] for row in item["rotation"]]
+    need(product(ring, r, flipped(r)) == identity(ring, 3), "rotation: not one")
+    need(determinant(ring, r) == ring.one, "rotation: a mirror image")
+    t = [ring.number(text) for text in item["translation"]]
+    return [*([*row, p] for row, p in zip(r, t, strict=True)), [ring.zero] * 3 + [ring.one]]
+
+
 def inverse(ring, placement):
     turn = flipped(row[:3] for row in placement[:3])
     back = product(ring, turn, [row[3:] for row in placement[:3]])
     return [*([*row, -p] for row, (p,) in zip(turn, back, strict=True)), placement[3]]
 
 
-def placement_of(ring, item):
-    """Of a link or the tip, 4 by 4."""
-    r = [
-        [ring.number(t) for t in listed(row, "rotation", 3)]
-        for row in listed(item["rotation"], "rotation", 3)
-    ]
-    need(product(ring, r, flipped(r)) == identity(ring, 3), "rotation: not one")
-    need(ring.reduced(determinant(ring, r)) == ring.one, "rotation: a mirror image")
-    t = [ring.number(t) for t in listed(item["translation"], "translation", 3)]
-    return [*([*row, p] for row, p in zip(r, t, strict=True)), [ring.zero] * 3 + [ring.one]]
-
-
 def motion_of(ring, kind, j, text):
-    """Of a multiple of joint j, 4 by 4, and the multiple."""
-    multiple, zero, one = ring.number(text), ring.zero, ring.one
-    x, y, w = ring.x[j], ring.y[j], ring.w[j]
-    cos, sin, slide = one, zero, multiple * y * w
+    """Of a multiple of joint j, 4 by 4."""
+    zero, one, x, y, w = ring.zero, ring.one, ring.x[j], ring.y[j], ring.w[j]
+    cos, sin, slide = one, zero, ring.number(text) * y * w
     if kind == "revolute":
         need(re.fullmatch(r"-?[0-6]", text), "multiple: not whole, or above 6")
         m, slide = int(text), zero
@@ -335,98 +326,59 @@ def motion_of(ring, kind, j, text):
         for _ in range(abs(m)):
             cos, sin = settled(ring, cos * c - sin * s), settled(ring, sin * c + cos * s)
     turn = [cos, -sin, zero, zero], [sin, cos, zero, zero]
-    return [*turn, [zero, zero, one, slide], [zero, zero, zero, one]], multiple
+    return [*turn, [zero, zero, one, slide], [zero, zero, zero, one]]
 
 
 def matrix_of(data, ring, kinds):
     """M before the steps, from the placements."""
-    joints, multiples, moves = [], [], []
-    for link in listed(data["chain"], "chain"):
-        keyed(link, ["rotation", "translation", "joint", "multiple"], "link")
-        j = whole(link["joint"], 0, ring.n - 1, "joint")
-        motion, multiple = motion_of(ring, kinds[j], j, link["multiple"])
+    chain, rows, a = data["chain"], data["rows"], data["axes"]
+    need(len(chain) <= 16, "chain: too long")
+    moves = []
+    for link in chain:
+        kind = entry(kinds, link["joint"], "joint")
+        motion = motion_of(ring, kind, link["joint"], link["multiple"])
         moves.append(product(ring, placement_of(ring, link), motion))
-        joints.append(j)
-        multiples.append(multiple)
-    need(0 < len(moves) <= 16, "chain: too long, or without a link")
-    moves.append(placement_of(ring, keyed(data["tip"], ["rotation", "translation"], "tip")))
-    a = whole(data["axes"], 0, len(moves), "axes")
-    rows = [whole(k, 0, 5, "rows") for k in listed(data["rows"], "rows")]
-    need(rows and rows == sorted(set(rows)), "rows: not in order")
+    moves.append(placement_of(ring, data["tip"]))
+    need(rows == sorted(set(rows)) and set(rows) <= set(range(6)), "rows: not in order")
     free = rows in ([0, 1, 2], [3, 4, 5], [0, 1, 2, 3, 4, 5])
-    need(free or a in (0, len(moves)), "axes: not for such rows")
+    need(a in (range(len(moves) + 1) if free else (0, len(moves))), "axes: not for such rows")
     frames = {a: identity(ring, 4)}
     for i in range(a, len(moves)):
         frames[i + 1] = product(ring, frames[i], moves[i])
     for i in range(a, 0, -1):
         frames[i - 1] = product(ring, frames[i], inverse(ring, moves[i - 1]))
-    point = [ring.zero if len(rows) == 6 else row[3] for row in frames[len(moves)][:3]]
-    columns = [[ring.zero] * 6 for _ in range(ring.n)]
-    for i, (j, multiple) in enumerate(zip(joints, multiples, strict=True)):
-        axis = [row[2] for row in frames[i + 1][:3]]
-        screw = axis + [ring.zero] * 3
-        if kinds[j] == "revolute":
-            arm = [p - row[3] for p, row in zip(point, frames[i + 1][:3], strict=True)]
-            screw = [axis[k - 2] * arm[k - 1] - axis[k - 1] * arm[k - 2] for k in range(3)] + axis
+    point = [row[3] for row in frames[a if len(rows) == 6 else len(moves)][:3]]
+    columns = [[ring.zero] * 6 for _ in kinds]
+    for i, link in enumerate(chain, 1):
+        j, multiple = link["joint"], ring.number(link["multiple"])
+        axis, origin = ([row[k] for row in frames[i][:3]] for k in (2, 3))
+        arm = [p - o for p, o in zip(point, origin, strict=True)]
+        screw = cross(axis, arm) + axis if kinds[j] == "revolute" else axis + [ring.zero] * 3
         columns[j] = [f + multiple * g for f, g in zip(columns[j], screw, strict=True)]
     lines = [forms_of(ring, [column[k] for k in rows]) for column in columns]
-    return [divided(ring, row) for row in flipped(lines)]
+    return [ring.without_units(*row) for row in flipped(lines)]
 
 
 def forms_of(ring, line):
     """Times the units that are divided by, and without those that all have."""
     line = [settled(ring, p) for p in line]
-    for j, unit in enumerate(ring.units):
-        top = max((p.degrees()[j - ring.n] for p in line if p), default=0)
+    for w, unit in enumerate(ring.units, len(ring.names)):
+        top = max((p.degrees()[w] for p in line if p), default=0)
         line = [settled(ring, p * unit**top) for p in line]
-    return divided(ring, line)
+    return ring.without_units(*line)
 
 
-def divided(ring, line):
-    """A line of the matrix without the units that all its entries have."""
-    if not any(line):
-        return line
-    for unit in ring.units:
-        while all(not divmod(p, unit)[1] for p in line):
-            line = [divmod(p, unit)[0] for p in line]
-    return line
-
-
-def stepped(matrix, steps, ring, what):
+def stepped(matrix, steps, ring):
     """The rows of the matrix after the steps, without those that are zero."""
-    matrix = [list(row) for row in matrix]
-    for step in listed(steps, what):
-        i, k, text = listed(step, what, 3)
-        whole(i, 0, len(matrix) - 1, what)
-        whole(k, 0, len(matrix) - 1, what)
-        need(i != k, f"{what}: a line and itself")
-        c = ring.number(text)
-        pairs = list(zip(matrix[i], matrix[k], strict=True))
-        alike = [
-            all(ring.degree(p, j) == ring.degree(f, j) for j in range(ring.n))
-            for p, f in pairs
-            if p != 0 and f != 0
-        ]
-        need(any(alike), f"{what}: lines of different degrees")
-        matrix[i] = [ring.reduced(p - c * f) for p, f in pairs]
+    matrix = list(matrix)
+    for i, k, text in steps:
+        line, other = entry(matrix, i, "step"), entry(matrix, k, "step")
+        need(i != k, "step: a line and itself")
+        pairs = list(zip(line, other, strict=True))
+        alike = any(p and f and ring.degrees(p) == ring.degrees(f) for p, f in pairs)
+        need(alike, "step: lines of different degrees")
+        matrix[i] = [ring.reduced(p - ring.number(text) * f) for p, f in pairs]
     return [row for row in matrix if any(row)]
-
-
-def determinant(ring, square):
-    """By expansion along rows; minors of the last rows are computed once."""
-    minors = {(): ring.one}
-    n = len(square)
-    for size in range(1, n + 1):
-        row, new = square[n - size], {}
-        for columns in combinations(range(n), size):
-            total = ring.zero
-            for k, c in enumerate(columns):
-                if row[c]:
-                    term = row[c] * minors[columns[:k] + columns[k + 1 :]]
-                    total = total - term if k % 2 else total + term
-            new[columns] = ring.reduced(total)
-        minors = new
-    return minors[tuple(range(n))]
 
 
 # The check ----------------------------------------------------------------------------------
@@ -437,163 +389,119 @@ class Check:
 
     def __init__(self, text):
         need(len(text) <= 4_000_000, "too long")
-        data = self.data = keyed(read(text), KEYS, "certificate")
+        data = self.data = read(text)
+        need_format(data, FORMAT, "certificate")
         need(data["schema"] == "pinsing/certificate/3", "another schema")
-        for key in ("robot", "base", "tip_frame", "task"):
-            need(type(data[key]) is str, f"{key}: no text")
-        joints = listed(data["joints"], "joints")
-        need(1 <= len(joints) <= 16, "joints: how many")
-        for joint in joints:
-            keyed(joint, ["name", "kind"], "joint")
-            need(type(joint["name"]) is str, "joint: no name")
-            need(joint["kind"] in ("revolute", "prismatic"), "joint: kind")
-        roots = listed(data["square_roots"], "square_roots")
-        need(all(type(k) is int for k in roots), "square_roots")
-        need(roots in ([], [2], [3], [2, 3]), "square_roots")
-        kinds = [joint["kind"] for joint in joints]
+        kinds, roots = [joint["kind"] for joint in data["joints"]], data["square_roots"]
+        need(len(kinds) <= 16 and set(kinds) <= {"revolute", "prismatic"}, "joints: not such")
+        need(roots in ([], [2], [3], [2, 3]), "square_roots: not such")
         ring = self.ring = Ring(kinds, roots)
-        matrix = matrix_of(data, ring, kinds)
-        matrix = stepped(matrix, data["row_steps"], ring, "row_steps")
-        need(matrix, "no rows left")
-        turned = stepped(flipped(matrix), data["column_steps"], ring, "column_steps")
-        need(turned, "no columns left")
-        self.m = flipped(turned)
-        self.a, self.b = len(self.m), len(turned)
-        self.r = whole(data["rank"], 1, min(self.a, self.b), "rank")
-        self.bound = (self.a - self.r + 1) * (self.b - self.r + 1)
-        self.polynomials = [ring.parse(t) for t in listed(data["polynomials"], "polynomials")]
+        columns = flipped(stepped(matrix_of(data, ring, kinds), data["row_steps"], ring))
+        self.m = flipped(stepped(columns, data["column_steps"], ring))
+        self.sides = [range(len(lines)) for lines in (self.m, flipped(self.m))]
+        self.r = data["rank"]
+        need(1 <= self.r <= min(map(len, self.sides)), "rank: none")
+        self.bound = (len(self.sides[0]) - self.r + 1) * (len(self.sides[1]) - self.r + 1)
+        self.polynomials = [ring.parse(text) for text in data["polynomials"]]
 
     def run(self):
-        self.rank()
-        self.families = [self.family(f) for f in listed(self.data["families"], "families")]
-        places = listed(self.data["places"], "places")
-        need(places, "no place")
-        keys = ["forms", "of_forms", "of_minors", "of_resultants", "cases"]
-        self.places = [self.pick(keyed(p, keys, "place")["forms"], "place") for p in places]
-        need(not self.places[0], "first place")
+        ring = self.ring
+        point = {j: (ring.one, (3 * j * j + 2 * j + 5) * ring.one) for j in range(ring.n)}
+        need(any(self.minors(self.r, self.put(point))), "rank: not so large at a point")
+        need(not any(self.minors(self.r + 1, self.m)), "rank: larger")
+        self.families = [self.family(family) for family in self.data["families"]]
+        self.places = [self.pick(place["forms"]) for place in self.data["places"]]
+        need(self.places and not self.places[0], "first place")
         self.real = set()  # of places whose real points all count
-        for k, place in enumerate(places):
-            self.place(place, k)
+        for number, place in enumerate(self.data["places"]):
+            self.place(place, number)
 
-    def pick(self, indices, what):
-        chosen = [whole(k, 0, len(self.polynomials) - 1, what) for k in listed(indices, what)]
-        return [self.polynomials[k] for k in chosen]
-
-    def minors(self, size, matrix=None):
-        matrix = matrix or self.m
-        for rows in combinations(range(self.a), size):
-            for columns in combinations(range(self.b), size):
-                yield self.minor(rows, columns, matrix)
-
-    def minor(self, rows, columns, matrix):
-        return determinant(self.ring, [[matrix[i][k] for k in columns] for i in rows])
+    def pick(self, indices):
+        return [entry(self.polynomials, k, "polynomials") for k in indices]
 
     def put(self, values):
         return [[self.ring.put(p, values) for p in row] for row in self.m]
 
-    def rank(self):
-        ring = self.ring
-        point = {j: (ring.one, ring.ctx.constant(3 * j * j + 2 * j + 5)) for j in range(ring.n)}
-        need(any(self.minors(self.r, self.put(point))), "rank: not so large at a point")
-        need(not any(self.minors(self.r + 1)), "rank: larger")
+    def minor(self, rows, columns, matrix):
+        return determinant(self.ring, [[matrix[i][k] for k in columns] for i in rows])
+
+    def minors(self, size, matrix, within=((), ())):
+        """All of a size that have some rows and columns."""
+        for rows in combinations(self.sides[0], size):
+            for columns in combinations(self.sides[1], size):
+                if set(within[0]) <= set(rows) and set(within[1]) <= set(columns):
+                    yield self.minor(rows, columns, matrix)
 
     def lines(self, pair):
         """Rows and columns of a minor."""
-        rows, columns = listed(pair, "minor", 2)
-        need(len(listed(rows, "rows")) == len(listed(columns, "columns")), "minor: not square")
-        for chosen, count in ((rows, self.a), (columns, self.b)):
-            for k in chosen:
-                whole(k, 0, count - 1, "minor")
-            need(chosen == sorted(set(chosen)), "minor: not in order")
-        return rows, columns
+        need(len(pair[0]) == len(pair[1]), "minor: not square")
+        for chosen, side in zip(pair, self.sides, strict=True):
+            need(chosen == sorted(set(chosen) & set(side)), "minor: not in order")
+        return pair
 
-    def total(self, terms, forms, what):
-        total = self.ring.zero
-        for pair in listed(terms, what):
-            text, i = listed(pair, what, 2)
-            form = forms[whole(i, 0, len(forms) - 1, what)]
-            total += self.ring.mul(self.ring.parse(text), form)
-        return total
+    def total(self, terms, forms):
+        products = (
+            self.ring.mul(self.ring.parse(text), entry(forms, i, "forms")) for text, i in terms
+        )
+        return sum(products, self.ring.zero)
 
     def family(self, family):
-        keys = ["name", "forms", "least_codimension", "pivot", "apart", "multiples"]
-        keyed(family, keys, "family")
-        name = family["name"]
-        need(type(name) is str, "family: no name")
-        forms = self.pick(family["forms"], "family")
+        name, forms = family["name"], self.pick(family["forms"])
         where = Together(self.ring, forms)
         matrix = self.put(where.values)
-        sums = [self.total(terms, forms, "multiples") for terms in listed(family["multiples"], "")]
-        sums = [self.ring.without_units(self.ring.put(p, where.values)) for p in sums]
-        apart = [self.ring.put(p, where.values) for p in self.pick(family["apart"], "apart")]
-        rows, columns = self.lines(family["pivot"])
-        need(len(rows) < self.r, f"family {name}: a large pivot")
-        pivot = self.minor(rows, columns, matrix)
-        need(all(map(where.apart_from, [pivot, *apart])), f"family {name}: zero on a component")
-        for some in combinations(range(self.a), self.r):
-            for others in combinations(range(self.b), self.r):
-                if set(rows) <= set(some) and set(columns) <= set(others):
-                    minor = self.minor(some, others, matrix)
-                    for p in apart:
-                        minor = self.ring.mul(minor, p)
-                    shown = where.vanishes_put(minor, [p for p in sums if p])
-                    need(shown, f"family {name}: not singular")
-        least = whole(family["least_codimension"], 0, 99, "least_codimension")
-        need(where.at_least(least), f"family {name}: a larger component")
+        sums = [where.put(self.total(terms, forms)) for terms in family["multiples"]]
+        apart = [self.ring.put(p, where.values) for p in self.pick(family["apart"])]
+        pivot = self.lines(family["pivot"])
+        need(len(pivot[0]) < self.r, f"family {name}: a large pivot")
+        for form in (self.minor(*pivot, matrix), *apart):
+            need(where.apart_from(form), f"family {name}: zero on a component")
+        for minor in self.minors(self.r, matrix, pivot):
+            shown = where.vanishes(self.ring.mul(minor, *apart), filter(None, sums))
+            need(shown, f"family {name}: not singular")
+        need(where.at_least(family["least_codimension"]), f"family {name}: a larger component")
         return forms
-
-    def values_of_minor(self, free, place, where, number):
-        """Joints at values: the place's, and free ones."""
-        values = dict(where.values)
-        if listed(free, "free"):
-            need(number not in self.real, "free: in a real place")
-            need(where.at_least(self.bound), "free: the place may be too large")
-            busy = {j for p in place for j in self.ring.joints(p)}
-            for p in self.pick(free, "free"):
-                linear = where.linear(p)
-                need(linear and linear[0] not in busy | set(values), "free: not free")
-                values[linear[0]] = linear[1:]
-        return values
 
     def place(self, place, number):
         ring, forms = self.ring, self.places[number]
         where = Together(ring, forms)
-        total = self.total(place["of_forms"], forms, "of_forms")
-        for item in listed(place["of_minors"], "of_minors"):
-            text, lines, free = listed(item, "of_minors", 3)
+        total = self.total(place["of_forms"], forms)
+        for text, lines, free in place["of_minors"]:
             rows, columns = self.lines(lines)
             need(len(rows) == self.r, "minor: another size")
-            values = self.values_of_minor(free, forms, where, number)
-            matrix = self.put(values) if values else self.m
-            total += ring.mul(ring.parse(text), self.minor(rows, columns, matrix))
-        for item in listed(place["of_resultants"], "of_resultants"):
-            text, i, k, j = listed(item, "of_resultants", 4)
-            p, q = (forms[whole(m, 0, len(forms) - 1, "resultant")] for m in (i, k))
-            whole(j, 0, ring.n - 1, "resultant")
-            need(ring.degree(p, j) and ring.degree(q, j), "resultant: a form without the joint")
+            values = where.values | self.free_values(free, forms, where, number)
+            total += ring.mul(ring.parse(text), self.minor(rows, columns, self.put(values)))
+        for text, i, k, j in place["of_resultants"]:
+            p, q = (entry(forms, m, "resultant") for m in (i, k))
+            both = set(ring.joints(p)) & set(ring.joints(q))
+            need(j in both, "resultant: a form without the joint")
             total += ring.mul(ring.parse(text), ring.resultant(p, q, j))
         product = ring.one
-        for case in listed(place["cases"], "cases"):
-            zeros, weights, times, to, k = listed(case, "case", 5)
-            parts = self.pick(zeros, "case")
-            real = number in self.real
-            if listed(weights, "weights"):
-                need(len(weights) == len(parts), "weights: not one for each square")
-                factor, real = ring.zero, True
-                for text, part in zip(weights, parts, strict=True):
-                    need(type(text) is str and WEIGHT.fullmatch(text), "weights: not positive")
-                    factor += ring.reduced(ring.number(text) * part * part)
-            else:
-                need(len(parts) == 1, "case: not one form")
-                factor = parts[0]
-            for _ in range(whole(times, 0, 99, "times")):
-                product = ring.without_units(ring.mul(product, factor))
-            self.leads(number, [*forms, *parts], real, to, k)
-        need(ring.without_units(total) == product, f"place {number}: another form")
+        for zeros, weights, times, to, k in place["cases"]:
+            parts = self.pick(zeros)
+            need(len(parts) == (len(weights) or 1), "case: neither one form nor weighted squares")
+            need(all(map(WEIGHT.fullmatch, weights)), "weights: not positive")
+            squares = [
+                ring.mul(ring.number(text), part, part)
+                for text, part in zip(weights, parts, strict=False)
+            ]
+            factor = sum(squares, ring.zero) if weights else parts[0]
+            need(0 <= times <= 99, "times: none")
+            (product,) = ring.without_units(ring.mul(product, *[factor] * times))
+            real = bool(weights) or number in self.real
+            self.leads(number, Together(ring, [*forms, *parts]), real, to, k)
+        need(ring.without_units(total) == [product], f"place {number}: another form")
 
-    def leads(self, number, forms, real, to, k):
-        together = Together(self.ring, forms)
-        whole(k, -(10**9), 10**9, "case")
+    def free_values(self, free, forms, where, number):
+        """Joints that the forms of a place leave free, at values."""
+        values = Together(self.ring, self.pick(free))
+        busy = {j for p in forms for j in self.ring.joints(p)}
+        need(not values.forms and not busy & set(values.values), "free: not free")
+        if free:
+            need(number not in self.real, "free: in a real place")
+            need(where.at_least(self.bound), "free: the place may be too large")
+        return values.values
+
+    def leads(self, number, together, real, to, k):
         if to == "nowhere":
             # Of points there is none where the codimension is more than all joints.
             least = (self.ring.n if real else self.bound) + 1
@@ -601,12 +509,10 @@ class Check:
             return
         need(to in ("family", "place"), f"place {number}: a case that leads to nothing")
         if to == "place":
-            whole(k, number + 1, len(self.places) - 1, "a place that is not later")
-            target = self.places[k]
+            need(k > number, f"place {number}: leads to one that is not later")
             if real:
                 self.real.add(k)
-        else:
-            target = self.families[whole(k, 0, len(self.families) - 1, "family")]
+        target = entry(self.families if to == "family" else self.places, k, to)
         need(all(together.vanishes(f) for f in target), f"place {number}: not in {to} {k}")
 
 
@@ -615,11 +521,8 @@ def read(text):
         need(len(dict(pairs)) == len(pairs), "a key twice")
         return dict(pairs)
 
-    def refuse(number):
-        raise No(f"not whole: {number}")
-
     try:
-        return json.loads(text, object_pairs_hook=unique, parse_float=refuse, parse_constant=refuse)
+        return json.loads(text, object_pairs_hook=unique)
     except (ValueError, RecursionError) as error:
         raise No(f"no JSON: {error}") from error
 

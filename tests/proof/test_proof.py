@@ -33,34 +33,41 @@ def test_an_arm_is_proven_to_both_checkers(name):
     assert data["schema"] == "pinsing/certificate/3"
 
 
-@pytest.mark.slow
-def test_an_arm_whose_complex_set_is_larger_is_proven():
-    """Talos: a component without a real point, by a sum of squares."""
-    arm = load("talos_full_v2", tip="gripper_left_base_link", base="torso_2_link")
-    data = proven(closed_form(arm, prove=True))
-    cases = [case for place in data["places"] for case in place["cases"]]
-    assert any(weights for _, weights, *_ in cases)
+HARD = {
+    "talos": ("talos_full_v2", "gripper_left_base_link", "torso_2_link"),
+    # Four pairs of algebraic values, stated by two equations: the KUKA with its 0.436 mm.
+    "iiwa14": (),
+    # Two equations in the same two joints, and few equations where many may meet.
+    "ur5 position": ("ur5",),
+    "puma560 vx,vy,wz": ("puma560",),
+    "baxter": ("baxter", "left_gripper"),
+    "tiago_pro": ("tiago_pro", "arm_left_tool_link", "torso_lift_link"),
+    "g1": ("g1", "left_rubber_hand", "torso_link"),
+    # Relations by the half dozen: split by resultants that fall apart.
+    "tiago": ("tiago", "wrist_ft_tool_link"),
+    # Minors that are sums of multiples of a family's forms.
+    "pr2": ("pr2", "l_gripper_l_finger_tip_link", "torso_lift_link"),
+    # Ten of 28 minors state the family, and Laplace's relations the rest.
+    "baxter_finger": ("baxter", "r_gripper_l_finger_tip"),
+}
 
 
 @pytest.mark.slow
-def test_joint_values_that_depend_on_each_other_are_proven():
-    """The KUKA with its 0.436 mm: four pairs of algebraic values, stated by two equations."""
-    form = closed_form(iiwa_with_offset(), prove=True)
-    pair = next(f for f in proven(form)["families"] if len(f["forms"]) == 2)
-    assert pair["least_codimension"] == 2
-    assert form.proof.size < 20_000
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("robot", "task", "count"), [("ur5", "position", 4), ("puma560", "vx,vy,wz", 3)]
-)
-def test_tasks_of_a_few_rows_are_proven(robot, task, count):
-    """Two equations in the same two joints (UR5), and few equations where many may meet (PUMA)."""
-    form = prove(closed_form(load(robot, task=task), seconds=600.0), 600.0)
-    assert proven(form)
-    assert len(form.families) == count
-    assert form.proof.size < 20_000
+@pytest.mark.parametrize("name", HARD)
+def test_systems_of_equations_are_proven(name):
+    _, _, task = name.partition(" ")
+    how = dict(zip(("robot", "tip", "base"), HARD[name], strict=False))
+    arm = load(**how, task=task or "pose") if how else iiwa_with_offset()
+    form = prove(closed_form(arm, seconds=600, prove=False), 900)
+    data = proven(form)
+    assert form.complete, form.gaps
+    assert form.proof.size < (20_000 if task or not how else 100_000)
+    if task:
+        assert len(form.families) == {"position": 4, "vx,vy,wz": 3}[task]
+    elif name == "talos":  # a component without a real point, by a sum of squares
+        assert any(weights for place in data["places"] for _, weights, *_ in place["cases"])
+    elif not how:
+        assert {f["least_codimension"] for f in data["families"] if len(f["forms"]) == 2} == {2}
 
 
 def test_a_form_is_a_sum_of_multiples_of_others():
@@ -86,28 +93,6 @@ def test_resultants_of_one_term_are_those_that_remainders_give():
         of_p = ring.resultant(p, g, 0)
         assert of_p == ring.reduced(p.resultant(g.subs({"x1": 1}), "y1")) != 0
     assert ring.resultant(y1**2, y1 * g, 0) == 0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "how"),
-    [
-        ("baxter", {"tip": "left_gripper"}),
-        ("tiago_pro", {"tip": "arm_left_tool_link", "base": "torso_lift_link"}),
-        ("g1", {"tip": "left_rubber_hand", "base": "torso_link"}),
-        # Relations by the half dozen: split by resultants that fall apart.
-        ("tiago", {"tip": "wrist_ft_tool_link"}),
-        # Minors that are sums of multiples of a family's forms.
-        ("pr2", {"tip": "l_gripper_l_finger_tip_link", "base": "torso_lift_link"}),
-        # Ten of 28 minors state the family, and Laplace's relations the rest.
-        ("baxter", {"tip": "r_gripper_l_finger_tip"}),
-    ],
-)
-def test_systems_of_equations_are_proven(name, how):
-    form = prove(closed_form(load(name, **how), seconds=600, prove=False), 900)
-    assert form.complete, form.gaps
-    assert proven(form)
-    assert form.proof.size < 100_000
 
 
 def test_the_checker_stands_alone(tmp_path):
@@ -186,44 +171,27 @@ def test_what_is_missing_is_not_proven():
             assert ("on no family that is stated" if less else "split") in tried.proof.reason
 
 
-def test_a_certificate_is_written_and_verified(tmp_path):
-    path = tmp_path / "ur5.cert.json"
-    run = pinsing_command("families", "ur5", "-o", path)
-    assert run.exit_code == 0, run
-    assert "(proven complete)" in run.stdout
-    run = pinsing_command("verify", path)
-    assert (run.exit_code, run.stdout[:8]) == (0, "proven ("), run
-    data = json.loads(path.read_text(encoding="utf-8"))
-    data["families"].pop()
-    path.write_text(json.dumps(data), encoding="utf-8")
-    (tmp_path / "bytes.json").write_bytes(b"\xff\xfe\x00")
-    for bad in (path, tmp_path / "bytes.json"):
-        run = pinsing_command("verify", bad)
-        assert (run.exit_code, run.stdout[:10], run.stdout.count("\n")) == (1, "rejected: ", 1), run
-
-
-@pytest.mark.slow
-def test_what_cannot_be_verified_is_said_in_one_line(tmp_path):
-    for nothing in (tmp_path / "none.json", tmp_path):
-        run = pinsing_command("verify", nothing)
-        assert (run.exit_code, run.stderr.count("\n")) == (2, 1), run
-    run = pinsing_command("families", "ur5", "--no-prove", "-o", tmp_path / "x.cert.json")
-    assert run.exit_code == 2
-    assert not (tmp_path / "x.cert.json").exists()
-
-
-@pytest.mark.slow
-def test_several_certificates_are_verified_at_once(tmp_path):
-    text = text_of(certificate("scara"))
-    good, short, long = (tmp_path / f"{name}.json" for name in ("good", "short", "long"))
-    good.write_text(text, encoding="utf-8")
+def test_certificates_are_written_and_verified(tmp_path):
+    """One, or several at once; what is none is rejected or cannot be read, in one line."""
+    names = "good", "less", "short", "long", "bytes", "none", "unproven"
+    good, less, short, long, odd, none, unproven = (tmp_path / f"{n}.cert.json" for n in names)
+    run = pinsing_command("families", "ur5", "-o", good)
+    assert (run.exit_code, "(proven complete)" in run.stdout) == (0, True), run
+    text = good.read_text(encoding="utf-8")
+    data = json.loads(text)
+    less.write_text(text_of({**data, "families": data["families"][1:]}), encoding="utf-8")
     short.write_text(text[:-50], encoding="utf-8")
     long.write_text(text + " " * 5_000_000, encoding="utf-8")
-    run = pinsing_command("verify", good, good)
-    assert run.exit_code == 0, run
-    assert run.stdout.count("proven (") == 2
-    run = pinsing_command("verify", good, short, long)
-    assert run.exit_code == 1, run
-    assert [": rejected: " in line for line in run.stdout.splitlines()] == [False, True, True]
-    assert pinsing_command("verify").exit_code == 2
-    assert pinsing_command("verify", good, tmp_path).exit_code == 2
+    odd.write_bytes(b"\xff\xfe\x00")
+    bad = [less, short, long, odd]
+    for files in ([good], [good, good], *([file] for file in bad), [good, *bad]):
+        run = pinsing_command("verify", *files)
+        assert run.exit_code == (files[-1] != good), run
+        said = re.findall(r"(?:^|\.json: )(proven \(|rejected: )", run.stdout, re.MULTILINE)
+        assert said == ["proven (" if file == good else "rejected: " for file in files]
+        assert run.stdout.count("\n") == len(files) or files[-1] == good
+    for words in ([none], [tmp_path], [good, tmp_path], []):
+        run = pinsing_command("verify", *words)
+        assert (run.exit_code, run.stderr.count("\n")) == (2, 1 if words else 2), run
+    run = pinsing_command("families", "ur5", "--no-prove", "-o", unproven)
+    assert (run.exit_code, unproven.exists()) == (2, False)
