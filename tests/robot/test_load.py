@@ -29,17 +29,9 @@ from pinsing.errors import (
 )
 from pinsing.kinematics.jacobian import frame_jacobian
 from pinsing.robot.load import load
+from pinsing.sampling import plan_map, plan_sweep
 
 STEP = place((0.3, 0, 0))
-
-
-def test_nothing_to_analyse():
-    with pytest.raises(ChainError, match="no movable joint"):
-        load(pin.Model())
-    urdf = load("a1", tip="FL_foot").source.path
-    model = pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer())
-    with pytest.raises(ChainError, match=r"4 chains.*--tip FL_foot \(3 joints\)"):
-        load(model)
 
 
 def test_locked_joints_stay_within_their_limits():
@@ -48,29 +40,15 @@ def test_locked_joints_stay_within_their_limits():
     assert arm.source.reference[joint.idx_q] < -0.06
 
 
-@pytest.mark.parametrize(
-    "joint",
-    [pin.JointModelSpherical(), pin.JointModelPlanar(), pin.JointModelTranslation()],
-    ids=str,
-)
-def test_many_degrees_of_freedom_in_the_chain_are_refused(joint):
-    model = serial(
-        [(pin.JointModelRZ(), STEP), (joint, STEP), (pin.JointModelRX(), STEP)], lower=-1, upper=1
-    )
-    with pytest.raises(JointError, match=r"'j2'.*degrees of freedom") as caught:
-        load(model, tip="tip")
-    assert caught.value.joint == "j2"
-    beyond = load(model, tip="tip", base="j2")  # as the message advises
-    assert beyond.joints == ("j3",)
-
-
 COMPOSITE = pin.JointModelComposite()
 COMPOSITE.addJoint(pin.JointModelRX(), STEP)
+FREE = pin.JointModelSpherical(), pin.JointModelPlanar(), pin.JointModelTranslation()
 
 
 @pytest.mark.parametrize(
     ("joint", "limits", "at", "message"),
     [
+        *((joint, (-1, 1), STEP, "'j2'.*degrees of freedom") for joint in FREE),
         (pin.JointModelHZ(0.1), (-2, 2), STEP, "'j2': is a screw"),
         (COMPOSITE, (-2, 2), STEP, "'j2': is several joints"),
         (pin.JointModelRZ(), (np.nan, 1), STEP, "not numbers"),
@@ -80,10 +58,13 @@ COMPOSITE.addJoint(pin.JointModelRX(), STEP)
     ],
 )
 def test_joints_of_a_model_that_no_arm_can_have(joint, limits, at, message):
-    model = serial([(pin.JointModelRX(), STEP), (joint, at, *limits)])
+    hinge = pin.JointModelRX(), STEP
+    model = serial([hinge, (joint, at, *limits), hinge])
     with pytest.raises(JointError, match=message) as caught:
         load(model, tip="tip")
     assert caught.value.joint == "j2"
+    if joint in FREE:  # as the message advises
+        assert load(model, tip="tip", base="j2").joints == ("j3",)
 
 
 def test_no_limits_and_no_width():
@@ -286,29 +267,16 @@ def panda_q(rng, model) -> np.ndarray:
     return rng.uniform(np.maximum(low, -3), np.minimum(high, 3))
 
 
-def test_a_wrapper_a_model_a_path_a_text_and_a_name_are_one_arm():
+def test_a_wrapper_what_has_a_model_a_path_a_text_and_a_name_are_one_arm():
     path = find_robot("ur5").path
     wrapper = RobotWrapper(model_of("ur5"))
     q = [0.1, -1.0, 1.2, 0.3, 0.5, 0.0]
     expected = pinsing.at(load("ur5"), q)
-    for given in (wrapper, wrapper.model, path, str(path), path.read_text()):
+    anything = SimpleNamespace(model=wrapper.model)
+    for given in (wrapper, wrapper.model, anything, path, str(path), path.read_text()):
         arm = load(given)
         assert (arm.joints, arm.tip) == (expected.arm.joints, expected.arm.tip)
         assert np.allclose(pinsing.at(arm, q).J, expected.J, atol=1e-12)
-
-
-def test_any_object_with_a_model():
-    arm = load(SimpleNamespace(model=model_of("ur5")))
-    assert arm.n == 6
-    with pytest.raises(ArgumentError, match="robot must be a file, the name of a robot"):
-        load(SimpleNamespace(model="ur5"))
-    with pytest.raises(TypeError):
-        load(RobotWrapper)
-    text = chain_text([("revolute", X), ("revolute", X, Z, ZERO, follows(1, -2, 0.25))])
-    model = pin.buildModelFromXML(text, mimic=True)
-    assert any("Mimic" in j.shortname() for j in model.joints)
-    with pytest.raises(PinsingError, match="mimic=False"):
-        load(model)
 
 
 TEXT = robot()
@@ -423,78 +391,63 @@ def test_mimic_joints_follow_in_the_whole_model_too():
     assert caught.value.joint == "j2"
 
 
-@pytest.mark.parametrize("where", ["sweep", "map", "special"])
-def test_errors_about_limits_have_joint_value_and_limits(where):
-    arm = load("puma560")
-    q = np.zeros(6)
-    q[1] = -1.5
-    asked = {
-        "sweep": lambda: pinsing.sampling.plan_sweep(arm, nominal=q),
-        "map": lambda: pinsing.sampling.plan_map(arm, q=q, joints=[arm.joints[0]]),
-        "special": lambda: pinsing.sampling.plan_sweep(arm, special={arm.joints[1]: [-1.5]}),
-    }
-    with pytest.raises(ConfigurationError) as caught:
-        asked[where]()
-    assert (caught.value.joint, caught.value.value) == (arm.joints[1], pytest.approx(-1.5))
-    assert caught.value.limits == (arm.lower[1], arm.upper[1])
+def floating() -> pin.Model:
+    path = load("a1", tip="FL_foot").source.path
+    return pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
 
 
-def test_errors_carry_data(tmp_path):
-    arm = load("ur5")
-    with pytest.raises(ConfigurationError) as caught:
-        pinsing.at(arm, [0, 0, np.nan, 0, 0, 0])
-    assert caught.value.joint == arm.joints[2]
-    assert np.isnan(caught.value.value)
-    with pytest.raises(UnknownNameError) as frame:
-        load("ur5", tip="tool1")
-    assert (frame.value.kind, frame.value.name) == ("frame", "tool1")
-    assert "tool0" in frame.value.close
-    assert "tool0" in frame.value.known
+def following() -> pin.Model:
+    text = chain_text([("revolute", X), ("revolute", X, Z, ZERO, follows(1, -2, 0.25))])
+    model = pin.buildModelFromXML(text, mimic=True)
+    assert any("Mimic" in joint.shortname() for joint in model.joints)
+    return model
+
+
+def reversed_limits() -> pin.Model:
     model = model_of("ur5")
     model.lowerPositionLimit[1], model.upperPositionLimit[1] = 1.0, -1.0
-    with pytest.raises(JointError) as limits:
-        load(model)
-    assert (limits.value.joint, limits.value.limits) == ("shoulder_lift_joint", (1.0, -1.0))
-    path = tmp_path / "a.urdf"
-    path.write_text("<robot>\n<link></robot>")
-    with pytest.raises(RobotFileError) as damaged:
-        load(path)
-    assert (damaged.value.path, damaged.value.line) == (path, 2)
+    return model
+
+
+PUMA, BEYOND = load("puma560"), np.array([0, -1.5, 0, 0, 0, 0])
+JOINT, SPECIAL = PUMA.joints[1], {PUMA.joints[1]: [-1.5]}
+LIMITS = {"joint": JOINT, "value": -1.5, "limits": (PUMA.lower[1], PUMA.upper[1])}
+TWO = {"tips": ("l_gripper_tool_frame", "r_gripper_tool_frame"), "lengths": (8, 8)}
+APART = {"base": "l_wrist_roll_link", "tip": "l_gripper_palm_link"}
+FINGER = {"tip": "panda_hand", "joints": ["panda_finger_joint1"]}
+TOOL = {"kind": "frame", "name": "tool1", "close": ("tool0",)}
 
 
 @pytest.mark.parametrize(
-    "error",
+    ("call", "error", "words", "data"),
     [
-        ArgumentError("arm", "an Arm", "None", "load one"),
-        ConfigurationError("q", joint="j", value=1.0, limits=(0.0, 0.5)),
-        JointError("j", "is odd", value=1.0),
-        RobotFileError("is damaged", Path("a.urdf"), 3),
-        UnknownNameError("robot", "nope", ["a", "b"]),
+        (lambda: load(pin.Model()), ChainError, "no movable joint", {}),
+        (lambda: load(floating()), ChainError, r"4 chains.*--tip FL_foot \(3 joints\)", {}),
+        (lambda: load("pr2"), ChainError, "2 chains", TWO),
+        (lambda: load("panda", **FINGER), ChainError, None,
+         {"joint": "panda_finger_joint1", "tips": (), "lengths": ()}),
+        (lambda: load("pr2", **APART), ChainError, None, APART),
+        (lambda: load("ur5", tip="tool1"), UnknownNameError, "tool1", TOOL),
+        (lambda: load(reversed_limits()), JointError, "above",
+         {"joint": "shoulder_lift_joint", "limits": (1.0, -1.0)}),
+        (lambda: load(following()), PinsingError, "mimic=False", {}),
+        (lambda: load(SimpleNamespace(model="ur5")), ArgumentError, "a file, the name", {}),
+        (lambda: load(RobotWrapper), TypeError, None, {}),
+        (lambda: pinsing.at(PUMA, [0, 0, np.nan, 0, 0, 0]), ConfigurationError, "nan",
+         {"joint": PUMA.joints[2], "value": np.nan}),
+        (lambda: plan_sweep(PUMA, nominal=BEYOND), ConfigurationError, None, LIMITS),
+        (lambda: plan_map(PUMA, q=BEYOND, joints=["q1"]), ConfigurationError, None, LIMITS),
+        (lambda: plan_sweep(PUMA, special=SPECIAL), ConfigurationError, None, LIMITS),
+        (lambda: load("a.urdf"), RobotFileError, "no such file", {"path": Path("a.urdf")}),
     ],
-)
-def test_errors_travel_with_their_data(error):
-    """Workers send them home by pickle."""
-    again = pickle.loads(pickle.dumps(error))
-    assert type(again) is type(error)
-    assert str(again) == str(error)
-    assert again.__dict__ == error.__dict__
-
-
-def test_an_error_about_chains_carries_what_could_be_asked_for():
-    with pytest.raises(ChainError) as several:
-        load("pr2")
-    error = several.value
-    assert len(error.tips) == len(error.lengths) >= 2
-    for tip, n in zip(error.tips, error.lengths, strict=True):
-        assert load("pr2", tip=tip).n == n
-    assert pickle.loads(pickle.dumps(error)).tips == error.tips
-    with pytest.raises(ChainError) as other:
-        load("panda", tip="panda_hand", joints=["panda_finger_joint1"])
-    assert other.value.joint == "panda_finger_joint1"
-    assert (other.value.tips, other.value.lengths) == ((), ())
-    with pytest.raises(ChainError) as apart:
-        load("pr2", base="l_wrist_roll_link", tip="l_gripper_palm_link")
-    assert (apart.value.base, apart.value.tip) == ("l_wrist_roll_link", "l_gripper_palm_link")
+)  # fmt: skip
+def test_errors_carry_data_also_home_from_workers(call, error, words, data):
+    with pytest.raises(error, match=words) as caught:
+        call()
+    for found in (caught.value, pickle.loads(pickle.dumps(caught.value))):
+        assert (type(found), str(found)) == (caught.type, str(caught.value))
+        np.testing.assert_equal({name: getattr(found, name) for name in data}, data)
+        np.testing.assert_equal(vars(found), vars(caught.value))
 
 
 def test_a_chain_of_a_mechanism_says_what_is_left_out():
