@@ -157,21 +157,17 @@ def test_words_of_what_is_lost_and_why(head):
 def test_near_singular_says_how_little_is_left():
     arm = exact("puma560")
     state = at(arm, [0.1, 0.2, 0.3, 0.4, 1e-3, 0.5])
-    assert state.status == "near-singular"
-    assert state.rank == state.generic_rank == 6
+    assert (state.status, state.rank, state.generic_rank) == ("near-singular", 6, 6)
     assert 1e-9 < state.sigma_ratio < 1e-2
     (motion,) = state.lost
     assert motion.words.startswith("nearly loses ")
     assert "at unit joint speed" in motion.words
-    speeds = np.random.default_rng(1).normal(size=(6, 2000))
-    speeds /= np.linalg.norm(speeds, axis=0)
-    power = np.abs(motion.wrench @ state.J @ speeds)
-    assert power.max() <= motion.speed + 1e-15
+    # The power of the wrench at the best of all unit joint speeds.
+    assert np.linalg.norm(motion.wrench @ state.J) == pytest.approx(motion.speed)
     assert [d.reason for d in state.dependences] == ["axes 4 and 6 are collinear"]
     assert at(arm, state.q, near_rtol=1e-5).status == "regular"
     loose = at(arm, state.q, rtol=1e-2)
-    assert loose.status == "singular"
-    assert loose.dependences == state.dependences
+    assert (loose.status, loose.dependences) == ("singular", state.dependences)
     assert "near where         axes 4 and 6 are collinear" in str(loose)
 
 
@@ -192,11 +188,8 @@ def test_beside_a_slide_of_kilometres_one_joint_alone_counts_for_nothing(slide):
 
 def test_five_joints_always_miss_one_direction():
     arm = arm_of("so101")
-    found = refine(arm, [0.0, 0.3, 0.1, -0.2, 0.1])
-    state = at(arm, found.q)
+    state = at(arm, refine(arm, [0.0, 0.3, 0.1, -0.2, 0.1]).q)
     assert (state.status, state.always_missing, len(state.lost)) == ("singular", 1, 2)
-    for motion in state.lost:
-        np.testing.assert_allclose(state.J.T @ motion.wrench, 0, atol=1e-9)
     assert "1 of these 2 is missing at every configuration" in " ".join(str(state).split())
     # A planar arm misses the same three everywhere: they are no loss.
     assert at(arm_of("planar3r"), [0.1, 0, 0]).always_missing == 0
@@ -208,12 +201,10 @@ def test_limits_are_the_same_for_all():
     q = np.array([9.0, -1.2, 1.3, -1, 0.5, 0])  # limits of 2 pi; a whole turn aside it is inside
     state, folded = at(arm, q), at(arm, arm.fold(q))
     assert (state.within_limits, state.outside) == (False, (arm.joints[0],))
-    assert str(state).count("outside its limits") == 1
     assert (folded.within_limits, folded.outside) == (True, ())
-    form = pinsing.closed_form(arm)
-    check = pinsing.check_trajectory(arm, [q, q + 0.01], forms=form)
+    check = pinsing.check_trajectory(arm, [q, q + 0.01])
     assert {e.joint for e in check.outside} == {arm.joints[0]}
-    line = pinsing.check_line(arm, q, at(arm, q).tip_position + 0.01, forms=form)
+    line = pinsing.check_line(arm, q, at(arm, q).tip_position + 0.01)
     assert any(arm.joints[0] in note for note in line.notes)
 
 
@@ -344,17 +335,15 @@ def _longest(J, c, x):
 
 
 def test_of_a_square_jacobian_each_joint_has_a_row_of_the_inverse():
-    arm = pinsing.load("ur5")
-    q, c = [0.3, -1.2, 1.3, -1, 0.7, 0.2], np.linspace(1, 2, 6)
+    arm, q, c = pinsing.load("ur5"), np.array([0.3, -1.2, 1.3, -1, 0.7, 0.2]), np.linspace(1, 2, 6)
     found = tip_speeds(arm, q, 0.25, 0.5, joint_speeds=c)
-    inverse = np.linalg.inv(frame_jacobian(arm, q))
-    v, w = (np.linalg.norm(x, axis=1) for x in np.split(inverse, 2, axis=1))
+    v, w = np.linalg.norm(np.linalg.inv(frame_jacobian(arm, q)).reshape(6, 2, 3), axis=2).T
     assert found.linear == pytest.approx((c / v).min())
     assert found.angular == pytest.approx((c / w).min())
-    assert found.share == pytest.approx(((0.25 * v + 0.5 * w) / c).max())
     assert found.linear_joints == (arm.joints[int((c / v).argmin())],)
-    shares = SpeedJudge(arm, c).shares(np.array([q]), 0.25, 0.5)[0]
-    np.testing.assert_allclose(shares, (0.25 * v + 0.5 * w) / c)
+    shares = (0.25 * v + 0.5 * w) / c
+    assert found.share == pytest.approx(shares.max())
+    np.testing.assert_allclose(SpeedJudge(arm, c).shares(q[None], 0.25, 0.5)[0], shares)
 
 
 @pytest.mark.parametrize("seed", tiered(range(4), {0}))

@@ -93,11 +93,9 @@ def test_fixed_joints_stay():
     assert found.singular
     np.testing.assert_array_equal(found.q[[0, 2, 3, 4]], start[[0, 2, 3, 4]])
     mask = np.ones(7, dtype=bool)
-    nothing = refine(arm, start, fixed=mask)
+    nothing, other = refine_many(arm, np.array([start, start]), fixed=np.array([mask, ~mask]))
     np.testing.assert_array_equal(nothing.q, start)
-    assert not nothing.singular
-    both = refine_many(arm, np.array([start, start]), fixed=np.array([mask, ~mask]))
-    assert [c.singular for c in both] == [False, True]
+    assert (nothing.singular, other.singular) == (False, True)
 
 
 def test_minimum_above_zero_is_near_singular():
@@ -127,16 +125,18 @@ def test_limits_are_kept_where_that_is_possible(rng):
     assert (inside <= arm.upper + 1e-12).all()
 
 
-def test_wrong_input():
-    arm = arms.textbook("puma560")
-    with pytest.raises(ConfigurationError, match="needs 6 values"):
-        refine(arm, [0, 0])
-    with pytest.raises(UnknownNameError, match="q55"):
-        refine(arm, np.zeros(6), fixed=["q55"])
-    with pytest.raises(OptionError, match="fixed"):
-        refine(arm, np.zeros(6), fixed=[1, 2])
-    with pytest.raises(OptionError, match="fixed"):
-        refine_many(arm, np.zeros((3, 6)), fixed=np.zeros((2, 6), dtype=bool))
+@pytest.mark.parametrize(
+    ("starts", "fixed", "error", "words"),
+    [
+        (np.zeros((1, 2)), [], ConfigurationError, "needs 6 values"),
+        (np.zeros((1, 6)), ["q55"], UnknownNameError, "q55"),
+        (np.zeros((1, 6)), [1, 2], OptionError, "fixed"),
+        (np.zeros((3, 6)), np.zeros((2, 6), dtype=bool), OptionError, "fixed"),
+    ],
+)
+def test_wrong_input(starts, fixed, error, words):
+    with pytest.raises(error, match=words):
+        refine_many(arms.textbook("puma560"), starts, fixed=fixed)
 
 
 @needs_kernel
@@ -147,11 +147,11 @@ def test_compiled_walks_are_those_in_numpy(name, rng, monkeypatch):
     Q = rng.uniform(-1, 1, (60, arm.n)) * np.where(arm.prismatic, 0.5, np.pi)
     Q[::2] = np.clip(Q[::2], arm.lower, arm.upper)
     free = rng.random(Q.shape) < 0.7
-    ends = [approach(arm, Q, free), approach(arm, Q[::2], bounded=True)]
+    ways = {"Q": Q, "free": free}, {"Q": Q[::2], "bounded": True}
+    ends = [approach(arm, **way) for way in ways]
     monkeypatch.setattr(kernel, "walks_covered", lambda *given: False)
-    for ours, theirs in zip(
-        ends, [approach(arm, Q, free), approach(arm, Q[::2], bounded=True)], strict=True
-    ):
+    for ours, way in zip(ends, ways, strict=True):
+        theirs = approach(arm, **way)
         assert (ours.singular == theirs.singular).mean() > 0.95
         assert (ours.converged == theirs.converged).mean() > 0.95
         sharp = ours.singular & theirs.singular
@@ -159,8 +159,7 @@ def test_compiled_walks_are_those_in_numpy(name, rng, monkeypatch):
         # Some walks pass a place where rounding alone decides which way they go.
         assert (np.abs(ours.q - theirs.q).max(axis=1) < 1e-6).mean() > 0.7
     assert (ends[0].q[~free] == Q[~free]).all()
-    assert (ends[1].q >= arm.lower).all()
-    assert (ends[1].q <= arm.upper).all()
+    assert ((ends[1].q >= arm.lower) & (ends[1].q <= arm.upper)).all()
 
 
 @needs_kernel
