@@ -171,9 +171,10 @@ def test_names_are_text_in_the_terminal_and_in_json(named):
     assert json.loads(data.stdout)["arm"]["joints"] == [f"{name} {i}" for i in range(3)]
 
 
-def test_names_are_text_in_pages_and_in_latex(named):
+def test_names_are_text_in_pages_and_in_latex_and_the_arm_is_analysed(named):
     name, path = named
     arm = load(path)
+    assert analyze(arm, random_starts=10, seconds=5).agree
     form = closed_form(arm, seconds=5)
     latex = form.latex(legend=True)
     for line in latex.splitlines():
@@ -272,8 +273,3 @@ def test_a_long_name_makes_no_long_message(refused):
     with pytest.raises(PinsingError) as chosen:
         load(robot(joint(long, "a"), joint("j3", "a", "d"), links="abcd"), tip="x" * 50_000)
     assert len(str(chosen.value)) < 400
-
-
-def test_an_arm_of_a_stranger_is_still_analysed(named):
-    analysis = analyze(load(named[1]), random_starts=10, seconds=5)
-    assert analysis.agree
