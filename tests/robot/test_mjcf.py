@@ -16,22 +16,17 @@ GOOD = Golden(Path(__file__).parents[1] / "description" / "said" / "arm.xml.txt"
 Q = np.array([0.4, -0.7, 0.06])
 
 
-def load(folder: Path, text: str) -> pinsing.Arm:
+def load_with_the_tool_in_place(folder: Path, text: str) -> None:
+    """The tool of `GOOD` is at `Q` where it is by hand, and so is its z axis."""
     file = folder / "arm.xml"
     file.write_text(text)
-    return pinsing.load(file, tip="tool", task="vx,vy,vz")
-
-
-def load_with_the_tool_in_place(folder: Path, text: str) -> pinsing.Arm:
-    """The tool of `GOOD` is at `Q` where it is by hand, and so is its z axis."""
+    arm = pinsing.load(file, tip="tool", task="vx,vy,vz")
     R = pin.utils.rotate("z", math.pi / 2 + Q[0])
     x = [0.1, 0, 0.5] + R @ [0.4, 0, 0]
     R = R @ pin.utils.rotate("y", Q[1] - math.radians(30))
-    arm = load(folder, text)
     found = tip_placement(arm, Q)
     np.testing.assert_allclose(found.translation, x + R @ [0, 0, 0.4 + Q[2]], atol=1e-12)
     np.testing.assert_allclose(found.rotation[:, 2], R @ [1, 0, 0], atol=1e-12)
-    return arm
 
 
 def refused(folder: Path, text: str) -> str:
@@ -77,12 +72,8 @@ def test_a_broken_number_is_refused_where_it_stands(tmp_path, attribute, how):
     assert reason.get(how, "is not a number") in said
 
 
-def test_the_good_file_is_read_as_mujoco_does(tmp_path):
-    """Others that say the same, and what is said of all, are in ``arm.xml.txt``."""
-    load_with_the_tool_in_place(tmp_path, GOOD)
-
-
 def test_an_included_file_is_read_and_its_lines_are_named(tmp_path):
+    load_with_the_tool_in_place(tmp_path, GOOD)  # others that say the same are in ``arm.xml.txt``
     inner = GOOD[GOOD.index('<body name="hand"') : GOOD.index("</body>") + len("</body>")]
     (tmp_path / "parts").mkdir()
     part = tmp_path / "parts" / "hand.xml"

@@ -69,11 +69,7 @@ def test_a_file_that_it_cannot_read_is_a_note(capfd: pytest.CaptureFixture[str])
     assert capfd.readouterr().err == ""
 
 
-@pytest.mark.slow
-def test_info_says_what_it_found_and_only_of_urdf(tmp_path) -> None:
-    said = run("list", "stanford").stdout
-    assert "second reader" in said
-    assert "random configurations (seed 20)" in " ".join(said.split())
+def test_what_is_no_urdf_has_no_second_reading(tmp_path) -> None:
     data = json.loads(run("list", "stanford", "-o", "-").stdout)
     assert (data["second_reading"]["seed"], data["second_reading"]["differences"]) == (20, [])
     table = tmp_path / "arm.yaml"
