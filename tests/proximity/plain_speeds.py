@@ -20,7 +20,7 @@ class PlainBounds(SpeedBounds):
         best, least = np.zeros((len(M), M.shape[2], M.shape[1])), np.full(len(M), np.inf)
         for _ in range(1 if M.shape[1] == M.shape[2] else rounds):
             eased = np.swapaxes(M * ease[:, None], 1, 2)
-            A = eased @ _inverse(M @ eased)
+            A = eased @ np.linalg.inv(M @ eased)
             A = 2 * A - A @ (M @ A)
             z = self._norms(A)
             most = self._largest(z)
@@ -51,14 +51,10 @@ class PlainBounds(SpeedBounds):
             size += np.abs(Mj) * r[:, i, None, None]
         E1, (E3, moved) = np.einsum("nj,njab->nab", r, np.abs(G)), self._rest(A, J, R)
         F = self._first_order(A, B, r)
-        # Where this is too much already, the second order is not looked at.
         more = _times(E1, _times(E1, _times(E1, F)) + _times(E3, F)) + _times(E3, F)
-        some = np.flatnonzero(self._largest(F + more) <= 1)
-        y = np.full(F.shape, np.inf)
-        if len(some):
-            parts = (x[some] for x in (J, M, A, G, B, E1, E3, F, moved, size, r))
-            y[some] = self._with_second_order([x[some] for x in slopes], *parts)
-        good = np.isfinite(y).all(axis=1)
+        y = self._with_second_order(slopes, J, M, A, G, B, E1, E3, F, moved, size, r)
+        # Where the first order is too much already, the second is not looked at.
+        good = np.isfinite(y).all(axis=1) & (self._largest(F + more) <= 1)
         return np.where(good, self._largest(y) * (1 + NOISE), np.inf)
 
     def _with_second_order(self, slopes, J, M, A, G, B, E1, E3, F, moved, size, r):
@@ -119,16 +115,20 @@ class PlainBounds(SpeedBounds):
         w, v = K[:, 3:, j, None], K[:, :3, j, None]
         if j <= self.middle:
             first = slice(0, j)
-            out[:, :3, first] = _cross(J[:, :3, first], w) + _cross(J[:, 3:, first], v)
-            out[:, 3:, first] = _cross(J[:, 3:, first], w)
+            out[:, :3, first] = np.cross(J[:, :3, first], w, axis=1) + np.cross(
+                J[:, 3:, first], v, axis=1
+            )
+            out[:, 3:, first] = np.cross(J[:, 3:, first], w, axis=1)
             return out
         after, later = slice(j, J.shape[2]), slice(j + 1, J.shape[2])
-        out[:, 3:, later] = _cross(w, J[:, 3:, later])
+        out[:, 3:, later] = np.cross(w, J[:, 3:, later], axis=1)
         if self.still:
-            out[:, :3, later] = _cross(w, J[:, :3, later]) + _cross(v, J[:, 3:, later])
+            out[:, :3, later] = np.cross(w, J[:, :3, later], axis=1) + np.cross(
+                v, J[:, 3:, later], axis=1
+            )
             return out
-        out[:, :3, after] = _cross(w, J[:, :3, after])
-        out[:, :3, :j] = _cross(J[:, 3:, :j], v)
+        out[:, :3, after] = np.cross(w, J[:, :3, after], axis=1)
+        out[:, :3, :j] = np.cross(J[:, 3:, :j], v, axis=1)
         return out
 
     def _nearer(self, active, i, h):
@@ -214,21 +214,6 @@ class PlainBounds(SpeedBounds):
             most += speed * (length + bent)
             along += speed * with_it
         return most + (np.abs(along) * r[..., None]).sum(axis=1)
-
-
-def _inverse(M):
-    """Inverses (N, d, d); pseudoinverses at singular centres, where nothing is proven."""
-    try:
-        return np.asarray(np.linalg.inv(M), dtype=float)
-    except np.linalg.LinAlgError:
-        return np.asarray(np.linalg.pinv(M), dtype=float)
-
-
-def _cross(a, b):
-    """Cross products (N, 3, k) along the second axis."""
-    ax, ay, az = (a[:, i] for i in range(3))
-    bx, by, bz = (b[:, i] for i in range(3))
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
 
 
 def _times(M, x):

@@ -264,10 +264,8 @@ def test_speeds_along_a_line() -> None:
 
 
 def test_turning_on_the_way() -> None:
-    arm, form = arm_of("ur5"), closed("ur5")
-    q = np.array([0.1, -1.2, 1.3, -1.6, -1.4, 0.3])
-    start = tip(arm, q)
-    turn = np.array([0.2, -0.3, 0.1])
+    arm, form, q = arm_of("ur5"), closed("ur5"), np.array([0.1, -1.2, 1.3, -1.6, -1.4, 0.3])
+    start, turn = tip(arm, q), np.array([0.2, -0.3, 0.1])
     goal = pin.SE3(start.rotation @ pin.exp3(turn), start.translation + 0.05)
     numbers = np.concatenate([goal.translation, pin.rpy.matrixToRpy(goal.rotation)])
     for pose in (goal.homogeneous, numbers):
@@ -282,32 +280,34 @@ def test_turning_on_the_way() -> None:
 
 
 def test_a_planar_arm_stretches_to_its_end() -> None:
-    arm = arm_of("planar3r").with_task("position")
-    q = np.array([0.3, 0.8, 0.5])
-    start = tip(arm, q).translation
-    far = start / np.linalg.norm(start) * 10
-    line = check_line(arm, q, far)
+    arm, q = arm_of("planar3r").with_task("position"), np.array([0.3, 0.8, 0.5])
+    start, longest = tip(arm, q).translation, tip(arm, np.zeros(3)).translation
+    line = check_line(arm, q, 10 * start / np.linalg.norm(start))
     assert line.outcome == "singular"
-    longest = np.linalg.norm(tip(arm, np.zeros(3)).translation)
-    assert np.linalg.norm(start) + line.s_end == pytest.approx(longest, abs=1e-9)
+    reached = np.linalg.norm(start) + line.s_end
+    assert reached == pytest.approx(np.linalg.norm(longest), abs=1e-9)
 
 
-def test_other_bad_input() -> None:
-    arm, form = arm_of("ur5"), closed("ur5")
-    q = np.array([0.1, -1.2, 1.3, -1.6, -1.4, 0.3])
-    with pytest.raises(ConfigurationError, match="no length"):
-        check_line(arm, q, tip(arm, q).translation, forms=form)
-    with pytest.raises(ConfigurationError, match=r"millimetres: give metres, as 0\.4,0,0\.3$"):
-        check_line(arm, q, [400, 0, 300], forms=form)
-    for speed in (-1.0, np.inf):
-        with pytest.raises(OptionError, match="speed"):
-            check_line(arm, q, [0.1, 0.2, 0.3], speed, forms=form)
-    # From a singular configuration it is not determined where the joints go.
-    for pose in ([5.0, 0.0, 0.0], [0.3, 0.2, 0.4]):
-        with pytest.raises(
-            ConfigurationError, match=r"starts at a singular configuration \(on F1, F2"
-        ):
-            check_line(arm, np.zeros(6), pose, forms=form)
+START = np.array([0.1, -1.2, 1.3, -1.6, -1.4, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("q", "pose", "speed", "error", "words"),
+    [
+        (START, None, 0.25, ConfigurationError, "no length"),
+        (START, [400, 0, 300], 0.25, ConfigurationError, r"give metres, as 0\.4,0,0\.3$"),
+        *((START, [0.1, 0.2, 0.3], speed, OptionError, "speed") for speed in (-1.0, np.inf)),
+        # From a singular configuration it is not determined where the joints go.
+        *((0 * START, pose, 0.25, ConfigurationError, r"a singular configuration \(on F1, F2")
+          for pose in ([5.0, 0.0, 0.0], [0.3, 0.2, 0.4])),
+    ],
+)  # fmt: skip
+def test_bad_lines(q, pose, speed, error, words) -> None:
+    arm = arm_of("ur5")
+    with pytest.raises(error, match=words):
+        check_line(
+            arm, q, tip(arm, q).translation if pose is None else pose, speed, forms=closed("ur5")
+        )
 
 
 @pytest.mark.slow

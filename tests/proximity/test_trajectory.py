@@ -29,23 +29,6 @@ def path(n: int, wrist: tuple[float, float]) -> tuple[Array, Array]:
     return Q, 4.0 * s
 
 
-def test_what_a_crossing_path_meets() -> None:
-    Q, t = path(401, (-1.0, 1.0))
-    check = check_trajectory(arm_of("ur5"), Q, t, forms=closed("ur5"))
-    assert [(c.family, c.kind) for c in check.crossings] == [("F2", "crossing")]
-    assert (check.crossings[0].t, check.clearance) == (pytest.approx(2.0, abs=1e-9), 0.0)
-    wrist = next(a for a in check.approaches if a.family == "F2")
-    assert wrist.upper == wrist.lower == 0.0
-    (stretch,) = [s for s in check.stretches if s.family == "F2"]
-    assert stretch.t == pytest.approx(2.0 - 2 * check.near, abs=0.02)
-    assert stretch.t_end == pytest.approx(2.0 + 2 * check.near, abs=0.02)
-    assert check.trend in ("away", "toward")
-    text = summary(check)
-    assert len(text.splitlines()) <= 6
-    assert text.startswith("ur5: crosses the wrist singularity (wrist_2_joint = 0°) at t = 2 s")
-    assert "F2" in details(check)
-
-
 def test_a_clear_path_is_proven_clear() -> None:
     Q, t = path(201, (-1.4, -0.4))
     form = closed("ur5")
@@ -224,19 +207,6 @@ def test_the_first_line_says_the_worst():
     assert "worst directions" not in text
 
 
-def test_a_file_in_degrees_is_refused(tmp_path: Path) -> None:
-    Q, t = path(51, (-1.4, -0.4))
-    file = tmp_path / "degrees.csv"
-    np.savetxt(file, np.column_stack([t, np.degrees(Q)]), delimiter=",")
-    units = [], ["--deg"], ["--rad"]
-    said, degrees, radians = (run("check", "ur5", file, *unit) for unit in units)
-    assert "sample 1: shoulder_lift_joint = " in said.stderr
-    assert [x.exit_code for x in (said, degrees, radians)] == [2, 0, 0]
-    assert not said.stdout
-    assert degrees.stdout.startswith("degrees.csv: meets no singular configuration")
-    assert "leaves joint limits" in " ".join(radians.stdout.split())
-
-
 def test_the_command(tmp_path: Path) -> None:
     Q, t = path(51, (-1.4, -0.4))
     file = tmp_path / "path.npz"
@@ -255,15 +225,22 @@ def test_the_command(tmp_path: Path) -> None:
     assert picture.read_bytes().startswith(b"\x89PNG")
     np.savez(file, q=np.degrees(Q), t=t)
     assert run("check", "ur5", file, "--deg", "--fail-within", "3deg").exit_code == 0
+    assert "leaves joint limits" in " ".join(run("check", "ur5", file, "--rad").stdout.split())
 
 
-def test_ends_of_a_stretch_about_a_joint_value():
+def test_a_crossing_and_the_ends_of_the_stretch_about_it():
     check = check_trajectory(arm_of("ur5"), [[0, -1, 1, 0, 1, 0], [0, -1, 1, 0, -1, 0]])
-    (stretch,) = check.stretches
+    (met,), (stretch,), nearest = check.crossings, check.stretches, check.approaches[0]
+    assert (met.family, met.kind, met.t) == ("F2", "crossing", pytest.approx(0.5, abs=1e-9))
+    assert (nearest.family, nearest.lower, nearest.upper, check.clearance) == ("F2", 0, 0, 0)
     reach = check.near / 2
     assert 0.5 - reach - 1e-4 <= stretch.t <= 0.5 - reach
     assert 0.5 + reach <= stretch.t_end <= 0.5 + reach + 1e-4
     assert (stretch.family, stretch.clearance) == ("F2", 0.0)
+    assert "F2" in details(check)
+    text = summary(check)
+    assert len(text.splitlines()) <= 6
+    assert text.startswith("ur5: crosses the wrist singularity (wrist_2_joint = 0°) at ")
 
 
 @pytest.mark.parametrize("step", tiered([0.1, 0.5, 1.5], {0.5}))
