@@ -82,7 +82,8 @@ class FoundComponents:
 
     def __init__(self, ring: Ring, tell: Callable[[Component], None]) -> None:
         self.ring, self._tell = ring, tell
-        self._found: list[tuple[Component, Backing]] = []
+        self.all: list[Component] = []  # the redundant ones too
+        self._backing: list[Backing] = []
         self._passed: list[Component] = []
         self._held: list[tuple[SlicePoint, Component]] = []
 
@@ -99,13 +100,9 @@ class FoundComponents:
             codimension = len(values) + len(relations)
         ordered = tuple(sorted(relations, key=len))
         found = Component(dict(values), ordered, proven, codimension)
-        self._found.append((found, backing or Backing([], [])))
+        self.all.append(found)
+        self._backing.append(backing or Backing([], []))
         self._tell(found)
-
-    @property
-    def all(self) -> list[Component]:
-        """All so far, the redundant ones too."""
-        return [c for c, _ in self._found]
 
     def covers(self, values: Mapping[int, Value], relations: tuple[Poly, ...] = ()) -> bool:
         """Return True if a set is part of a component, as far as substitution and division tell."""
@@ -131,7 +128,8 @@ class FoundComponents:
         # A system that shares some points is stated again by the rest of them. Only what is kept in
         # the end justifies that another one is dropped.
         kept: list[tuple[Component, list[SlicePoint]]] = []
-        for c, backing in sorted(self._found, key=lambda f: by_size(f[0])):
+        found = zip(self.all, self._backing, strict=True)
+        for c, backing in sorted(found, key=lambda f: by_size(f[0])):
             earlier = [k for k, _ in kept]
             if any(inside(c, k, self.ring) for k in earlier):
                 continue
@@ -179,7 +177,7 @@ class FoundComponents:
         """Something that was found, or passed over as a part of it, and is in none of these."""
         apart = (
             c
-            for c, backing in self._found
+            for c, backing in zip(self.all, self._backing, strict=True)
             if not (backing.points and all(on_any(kept, s) for s in backing.points))
         )
         for c in itertools.chain(apart, self._passed):
@@ -395,7 +393,7 @@ class SearchPlace:
 
     values: Mapping[int, Value]  # these joints
     minors: Minors  # of what the matrix becomes there; singular means: all vanish
-    limit: int  # largest codimension of what is looked for; the joints at values count
+    room: int  # how many further equations what is looked for may have
     # the place with the matrix that says what is singular, where ``minors`` are of a part of it
     whole: SearchPlace | None = None
 
@@ -411,7 +409,8 @@ class SearchPlace:
     def at(self, new: Mapping[int, Value]) -> SearchPlace:
         """The place with some more joints at values."""
         whole = self.judge
-        return replace(whole, values={**whole.values, **new}, minors=whole.minors.at(new))
+        values, room = {**whole.values, **new}, max(0, whole.room - len(new))
+        return replace(whole, values=values, minors=whole.minors.at(new), room=room)
 
     def beside(self, matrix: Matrix, rank: int) -> SearchPlace:
         """The same place, looked at by a part of the matrix."""
@@ -427,11 +426,6 @@ class SearchPlace:
 
         matrix = [[ring.zero if is_multiple(x) else x for x in row] for row in rows]
         return self if matrix == rows else self.beside(matrix, self.minors.size)
-
-    @property
-    def room(self) -> int:
-        """Number of further equations that are allowed."""
-        return max(0, self.limit - len(self.values))
 
 
 def regular_parts(
@@ -509,7 +503,7 @@ class Search:
     def confirm(self, minors: Minors, rank: int) -> None:
         """Note it unless ``rank`` is the generic rank of the matrix before rows were used up."""
         # A nonzero minor shows that it is no less; zeros of all larger ones, that it is no more.
-        short, reduced = minors.short, minors.size
+        short, reduced = min(minors.sides), minors.size
         less = reduced > 0 and (short < reduced or not any(True for _ in minors))
         more = short > max(reduced, 0) and any(
             True for _ in Minors(minors.matrix, max(reduced, 0) + 1, self.ring, self.time)
@@ -821,11 +815,10 @@ class Search:
         small = place.minors.smaller
         if small.size <= 0:
             return None
-        if small.short < small.size:
+        if min(small.sides) < small.size:
             self._found.add(place.values, (), True)
             return None
-        limit = min(place.limit, len(place.values) + small.bound)
-        return replace(place, minors=small, limit=limit)
+        return replace(place, minors=small, room=min(place.room, small.bound))
 
 
 _TO_ASK = 0.1
@@ -870,7 +863,7 @@ def decompose(
                 search.confirm(minors, rank)
             bound = minors.bound if minors.size > 0 and minors.matrix else 1
             values, limit = place or ({}, bound)
-            search.run(SearchPlace(values, minors, limit))
+            search.run(SearchPlace(values, minors, max(0, limit - len(values))))
         except BudgetExceeded as reason:
             inside_of = f" among sets inside {search.depth} simultaneous equations or more"
             search.gaps.append(

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import math
 import operator
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -374,58 +375,10 @@ def jacobian_matrix(
     return chain.columns(joints, middle, rows)
 
 
-class RowExpansion:
-    """Minors of one matrix, each from smaller ones, until the time is over."""
-
-    def __init__(self, matrix: Matrix, ring: Ring, time: Budget) -> None:
-        self.matrix, self.ring, self.time = matrix, ring, time
-        filled = [sum(x != 0 for x in row) for row in matrix]
-        # Rows with many zeros first: they ask for few minors of the others.
-        self._order = sorted(range(len(matrix)), key=lambda i: filled[i])
-        self._known: dict[tuple[tuple[int, ...], tuple[int, ...]], Poly] = {}
-        self._kept = 0
-
-    def minor(self, rows: Sequence[int], columns: Sequence[int]) -> Poly:
-        """The minor of some rows and as many columns, both ascending."""
-        if not rows:
-            return self.ring.one
-        # Terms of minors that are kept at a time.
-        if self._kept > 100_000:
-            self._known.clear()
-            self._kept = 0
-        ordered = tuple(i for i in self._order if i in rows)
-        found = self._minor(ordered, tuple(columns))
-        swaps = sum(a > b for k, a in enumerate(ordered) for b in ordered[k + 1 :])
-        return -found if swaps % 2 else found
-
-    def _minor(self, rows: tuple[int, ...], columns: tuple[int, ...]) -> Poly:
-        first = self.matrix[rows[0]]
-        if len(rows) == 1:
-            return first[columns[0]]
-        key = rows, columns
-        if key in self._known:
-            return self._known[key]
-        total = self.ring.zero
-        for k, j in enumerate(columns):
-            x = first[j]
-            if x == 0:
-                continue
-            rest = self._minor(rows[1:], columns[:k] + columns[k + 1 :])
-            if rest == 0:
-                continue
-            self.time.check(len(x) * len(rest))
-            product = x * rest
-            total = total - product if k % 2 else total + product
-        total = self.ring.reduce(total)
-        self._known[key] = total
-        self._kept += len(total)
-        return total
-
-
 def determinant(matrix: Matrix, ring: Ring, time: Budget) -> Poly:
     """Determinant of a square matrix."""
-    every = range(len(matrix))
-    return RowExpansion(matrix, ring, time).minor(every, every)
+    every = tuple(range(len(matrix)))
+    return Minors(matrix, len(matrix), ring, time).minor(every, every)
 
 
 @dataclass(frozen=True, eq=False)
@@ -466,6 +419,8 @@ def corner(matrix: Matrix, ring: Ring, time: Budget) -> SquareCorner | None:
     return None
 
 
+Lines = tuple[tuple[int, ...], tuple[int, ...]]
+"""Rows and columns of a minor."""
 _LOOKED_AT = 12
 """Minors among which the simplest is looked for."""
 
@@ -478,9 +433,36 @@ class Minors:
 
     def __init__(self, matrix: Matrix, size: int, ring: Ring, time: Budget) -> None:
         self.matrix, self.size, self.ring, self.time = matrix, size, ring, time
+        self.sides = len(matrix), len(matrix[0]) if matrix else 0
         self._done: list[Poly] = []
         self._put: dict[object, Minors] = {}
-        self._expansion = RowExpansion(matrix, ring, time)
+        self._filled = [sum(x != 0 for x in row) for row in matrix]
+        self._known: dict[Lines, Poly] = {}
+        self._kept = 0
+
+    def minor(self, rows: tuple[int, ...], columns: tuple[int, ...]) -> Poly:
+        """The minor of some rows and as many columns, both ascending, from smaller ones."""
+        if not rows:
+            return self.ring.one
+        # Rows with many zeros first: they ask for few minors of the others.
+        i = min(range(len(rows)), key=lambda i: self._filled[rows[i]])
+        first = self.matrix[rows[i]]
+        if len(rows) == 1:
+            return first[columns[0]]
+        # Terms of minors that are kept at a time.
+        if len(rows) == self.size and self._kept > 100_000:
+            self._known.clear()
+            self._kept = 0
+        if (rows, columns) not in self._known:
+            total = self.ring.zero
+            for k, j in enumerate(columns):
+                x, left = first[j], columns[:k] + columns[k + 1 :]
+                if x != 0 and (rest := self.minor(rows[:i] + rows[i + 1 :], left)) != 0:
+                    self.time.check(len(x) * len(rest))
+                    total = total - x * rest if (i + k) % 2 else total + x * rest
+            self._known[rows, columns] = total = self.ring.reduce(total)
+            self._kept += len(total)
+        return self._known[rows, columns]
 
     @classmethod
     def reduced(
@@ -506,21 +488,15 @@ class Minors:
         return self._put[key]
 
     @property
-    def short(self) -> int:
-        """The largest rank that the matrix may have: the lesser of its numbers of rows, columns."""
-        return min(len(self.matrix), len(self.matrix[0])) if self.matrix else 0
-
-    @property
     def bound(self) -> int:
         """Largest codimension of a component of where all vanish (Eagon, Northcott)."""
-        return (len(self.matrix) - self.size + 1) * (len(self.matrix[0]) - self.size + 1)
+        return math.prod(side - self.size + 1 for side in self.sides)
 
     @cached_property
-    def _left(self) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
+    def _left(self) -> list[Lines]:
         """Rows and columns of those that were not computed, the shortest first."""
         length = [[len(x) for x in row] for row in self.matrix]
-        sides = len(self.matrix), len(self.matrix[0])
-        rows, columns = (itertools.combinations(range(k), self.size) for k in sides)
+        rows, columns = (itertools.combinations(range(k), self.size) for k in self.sides)
         return sorted(
             itertools.product(rows, columns),
             key=lambda c: sum(length[i][j] for i in c[0] for j in c[1]),
@@ -535,7 +511,7 @@ class Minors:
                 i += 1
             if not self._left:
                 return
-            minor = self._expansion.minor(*self._left[0])
+            minor = self.minor(*self._left[0])
             del self._left[0]
             if minor != 0:
                 self._done.append(self.ring.strip(minor))
@@ -580,47 +556,39 @@ class NearMinors:
 
     def __init__(self, geometry: Nominal, ring: Ring, task: Task, rank: int, time: Budget) -> None:
         self.geometry, self.ring, self.task, self.rank, self.time = geometry, ring, task, rank, time
-        self._screws: dict[tuple[int, ...], Matrix] = {}
+        self._columns = functools.cache(self._made)
         self._known: dict[object, Poly] = {}
 
     @cached_property
     def _whole(self) -> Matrix:
         return jacobian_matrix(self.geometry, self.ring, self.task, self.time)
 
+    def _made(self, joints: tuple[int, ...]) -> Matrix:
+        """Columns of some joints, up to row operations and factors that are nowhere zero."""
+        if self.task.name != "pose":
+            return [[row[j] for j in joints] for row in self._whole]
+        # In the frame of a middle one: only what moves between the first and the last occurs.
+        chain = _Chain(self.geometry, self.ring, self.time)
+        every = sorted(j for a in joints for j in driven_by(chain.drives, a))
+        return chain.columns(joints, every[len(every) // 2], operator.add)
+
     def minor(self, joints: Sequence[int], values: Mapping[int, Value]) -> Poly:
         """Return the minor of columns ``joints``, without units; NotSquare if there are several."""
-        joints = sorted(joints)
-        matter = set(values)
+        chosen, matter = tuple(sorted(joints)), set(values)
         if self.task.name == "pose":
             driven, _ = drives(self.geometry)
-            rows = [row for a in joints for row in driven_by(driven, a)]
+            rows = [row for a in chosen for row in driven_by(driven, a)]
             matter = {d.leader for d in driven[min(rows) + 1 : max(rows)]}
         inside = {j: v for j, v in values.items() if j in matter}
-        key = (tuple(joints), frozenset(inside.items()))
+        key = chosen, frozenset(inside.items())
         if key not in self._known:
             self.time.check()
-            self._known[key] = self._minor(joints, inside)
+            whole = Minors(self._columns(chosen), self.rank, self.ring, self.time)
+            small, found = whole.at(inside).smaller, self.ring.zero
+            if small.size <= min(small.sides):
+                if 0 < small.size < len(small.matrix):
+                    raise NotSquare
+                every = tuple(range(small.size))
+                found = self.ring.strip(small.minor(every, every))
+            self._known[key] = found
         return self._known[key]
-
-    def _minor(self, joints: Sequence[int], values: Mapping[int, Value]) -> Poly:
-        ring = self.ring
-        if self.task.name == "pose":
-            chosen = tuple(joints)
-            if chosen not in self._screws:
-                # In the frame of a middle one, up to row operations and column factors that are
-                # nowhere zero: only what moves between the first and the last occurs.
-                chain = _Chain(self.geometry, ring, self.time)
-                every = sorted(j for a in joints for j in driven_by(chain.drives, a))
-                middle = every[len(every) // 2]
-                self._screws[chosen] = chain.columns(joints, middle, operator.add)
-            matrix = self._screws[chosen]
-        else:
-            matrix = [[row[j] for j in joints] for row in self._whole]
-        small = Minors(matrix, self.rank, ring, self.time).at(values).smaller
-        if small.size == 0:
-            return ring.one
-        if small.short < small.size:
-            return ring.zero
-        if len(small.matrix) > small.size:
-            raise NotSquare
-        return ring.strip(determinant(small.matrix, ring, self.time))
