@@ -60,17 +60,6 @@ class Component:
 
 
 Relations = tuple[Poly, ...]
-Statement = Callable[[list[SlicePoint], list[SlicePoint]], tuple[Poly, ...]]
-"""From points that are meant, and points that are not, to equations."""
-
-
-@dataclass(frozen=True)
-class Backing:
-    """What a system of equations was made of."""
-
-    points: list[SlicePoint]  # generic points of all its parts
-    others: list[SlicePoint]  # points that it had to be told apart from
-    state: Statement | None = None  # how to state it once more
 
 
 class FoundComponents:
@@ -83,7 +72,7 @@ class FoundComponents:
     def __init__(self, ring: Ring, tell: Callable[[Component], None]) -> None:
         self.ring, self._tell = ring, tell
         self.all: list[Component] = []  # the redundant ones too
-        self._backing: list[Backing] = []
+        self._points: list[Sequence[SlicePoint]] = []  # generic ones of all parts of systems
         self._passed: list[Component] = []
         self._held: list[tuple[SlicePoint, Component]] = []
 
@@ -93,15 +82,18 @@ class FoundComponents:
         relations: tuple[Poly, ...],
         proven: bool,
         codimension: int | None = None,
-        backing: Backing | None = None,
+        points: Sequence[SlicePoint] = (),
     ) -> None:
-        """Take one in; its codimension is the number of its equations unless given."""
+        """Take one in; its codimension is the number of its equations unless given.
+
+        ``points`` are generic ones of all its parts, where it was judged by these.
+        """
         if codimension is None:
             codimension = len(values) + len(relations)
         ordered = tuple(sorted(relations, key=len))
         found = Component(dict(values), ordered, proven, codimension)
         self.all.append(found)
-        self._backing.append(backing or Backing([], []))
+        self._points.append(points)
         self._tell(found)
 
     def covers(self, values: Mapping[int, Value], relations: tuple[Poly, ...] = ()) -> bool:
@@ -125,31 +117,17 @@ class FoundComponents:
 
     def irredundant(self, time: Budget) -> list[Component]:
         """Return components that lie in no other one, by division or by all of their points."""
-        # A system that shares some points is stated again by the rest of them. Only what is kept in
-        # the end justifies that another one is dropped.
-        kept: list[tuple[Component, list[SlicePoint]]] = []
-        found = zip(self.all, self._backing, strict=True)
-        for c, backing in sorted(found, key=lambda f: by_size(f[0])):
-            earlier = [k for k, _ in kept]
-            if any(inside(c, k, self.ring) for k in earlier):
+        # Only what is kept in the end justifies that another one is dropped.
+        kept: list[Component] = []
+        out: list[Component] = []
+        found = zip(self.all, self._points, strict=True)
+        for c, points in sorted(found, key=lambda f: by_size(f[0])):
+            if any(inside(c, k, self.ring) for k in kept):
                 continue
-            held = [s for s in backing.points if on_any(earlier, s)]
-            own = [s for s in backing.points if s not in held]
-            if own or not backing.points:
-                if held and backing.state is not None:  # stated by its own points only
-                    with contextlib.suppress(BudgetExceeded):
-                        c = replace(c, relations=backing.state(own, [*backing.others, *held]))
-                kept.append((c, own))
-        # What could not be told apart from a part of it may hold one that came earlier.
-        for entry in tuple(kept):
-            c, own = entry
-            rest = [other for other in kept if other is not entry]
-            others = [k for k, _ in rest]
-            if not own or not any(all(on_any([k], s) for s in own) for k in others):
-                continue
-            if not self._unaccounted(others):
-                kept = rest
-        out = [part for c, own in kept for part in self._parts(c, own, time)]
+            own = [s for s in points if not on_any(kept, s)]
+            if own or not points:
+                kept.append(c)
+                out += self._parts(c, own, time)
         while left := self._unaccounted(out):
             out.append(left)
         return out
@@ -177,8 +155,8 @@ class FoundComponents:
         """Something that was found, or passed over as a part of it, and is in none of these."""
         apart = (
             c
-            for c, backing in zip(self.all, self._backing, strict=True)
-            if not (backing.points and all(on_any(kept, s) for s in backing.points))
+            for c, points in zip(self.all, self._points, strict=True)
+            if not (points and all(on_any(kept, s) for s in points))
         )
         for c in itertools.chain(apart, self._passed):
             if not any(inside(c, k, self.ring) for k in kept):
@@ -663,11 +641,11 @@ class Search:
             missed = [s for s in singular if not self._found.holds(s)]
             if missed:
                 known = [s for s in points if s not in missed]
-                state = functools.partial(self._statement, relations, minors)
-                stated = self._fewer(state(missed, known), place, count) if known else relations
-                codimension = len(place.values) + count
-                backing = Backing(missed, known, state)
-                self._found.add(place.values, stated, False, codimension, backing)
+                stated = relations
+                if known:
+                    stated = self._statement(relations, minors, missed, known)
+                    stated = self._fewer(stated, place, count)
+                self._found.add(place.values, stated, False, len(place.values) + count, missed)
         # What is singular beside the part of the matrix that is looked at is searched by itself.
         regular = [s for s in points if s not in singular and not place.singular(s)]
         if regular and place.room > count:
@@ -729,8 +707,7 @@ class Search:
                 for other in sorted((p, g), key=len):
                     points = self._all_singular(self._points((h, other), place.values), place)
                     if points and all(s.transversal((h, other)) for s in points):
-                        backing = Backing(points, [])
-                        self._found.add(place.values, (h, other), False, backing=backing)
+                        self._found.add(place.values, (h, other), False, points=points)
                         break
 
     def _all_singular(self, points: Iterator[SlicePoint], place: SearchPlace) -> list[SlicePoint]:
