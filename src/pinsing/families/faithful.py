@@ -3,15 +3,14 @@
 What was made of polynomials is compared with them in numbers, by nothing that made it. The
 equations of a branch must be multiples of a component's relations at random configurations with
 its joints at their values. Each component must be on a branch: either that one has its joints at
-the same values, with all of its relations, or each real point that is found of the component, by
-all roots in one joint after the other, must be on some branch.
+the same values, with all of its relations, or each real point of the component that random starts
+lead to must be on some branch.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from pinsing.algebra.equation import equation
 from pinsing.algebra.ring import MadeOnce, Poly, Ring, terms_of
 from pinsing.algebra.trig_sum import TINY
 from pinsing.families.family import Family
-from pinsing.families.zero_set import BLUNT, OwnPoints, SearchBox, thrown
+from pinsing.families.zero_set import BLUNT, OwnPoints, SearchBox, system_of, thrown
 from pinsing.interface import typed
 from pinsing.measures import ALIKE, FLOAT_NOISE, Array
 from pinsing.robot.mimic import own_offsets
@@ -72,7 +71,6 @@ class _Form:
         for at, square in enumerate(ring.roots, ring.nvars):
             self.numbers = self.numbers * math.sqrt(square) ** every[:, at]
         self.exponents = every[:, : ring.nvars]
-        self.joints = frozenset(ring.joints_of(poly))
 
     def __call__(self, x: Array) -> tuple[Array, float]:
         """Return values (N,) at x (N, variables), and how large terms can be."""
@@ -122,39 +120,33 @@ class _Exact:
 
     def off(self, component: Component, branches: Sequence[Branch]) -> Array | None:
         """A real point (n,) of a component on none of the branches; None if none is found."""
-        # What vanishes, one of each list: of one joint's multiple roots each is a factor's.
-        conditions = [
-            [self._form(p) for p, _ in poly.factor()[1]]
-            if self.ring.rational and len(self.ring.joints_of(poly)) == 1
-            else [self._form(poly)]
-            for poly in component.relations
-        ]
-        # Choices of free joints by which points of a component are looked for, and such points.
-        values, found = self._values(component), False
-        starts = self.rng.uniform(-self.reach, self.reach, (3, len(self.reach)))
-        starts[:, list(values)] = list(values.values())
-        points = (self._followed(conditions, q, frozenset(values), ALIKE) for q in starts)
-        for q, tol in itertools.islice(itertools.chain.from_iterable(points), 257):
-            if self._missed(branches, q, tol):
-                return q
-            found = True
-        # Random starts where roots in one joint after the other give no point; up to so many terms.
-        if found or sum(map(len, component.relations)) > 500:
-            return None
-        for forms in conditions:
-            joints = frozenset().union(*(f.joints for f in forms))
-            q = np.zeros(len(self.slides))
-            if len(joints) < 2 and not any(self._roots(f, j, q) for f in forms for j in joints):
-                return None  # it has no real point: a condition of one joint has no real root
+        relations, values = component.relations, self._values(component)
+        stated = [equation(self._plain(p), self.ring, self.symbols, self.offset) for p in relations]
         every = range(len(self.slides))
         free = np.array([j not in values for j in every])
         fixed = np.array([values.get(j, 0.0) for j in every])
-        box = SearchBox(-self.reach, self.reach, free, fixed)
-        stated = [equation(p, self.ring, self.symbols, self.offset) for p in component.relations]
-        for q in self.own.arm.fold(thrown(stated, box, 16, self.rng)):
-            if self._missed(branches, q, BLUNT):
+        # Random starts that lead to points, fewer where relations are long.
+        count = max(4, min(32, 30_000 // max(1, sum(map(len, relations)))))
+        found = thrown(stated, SearchBox(-self.reach, self.reach, free, fixed), count, self.rng)
+        points, tols = self.own.arm.fold(found), np.full(len(found), ALIKE)
+        if stated and len(points):
+            # Where slopes vanish, points have half of their digits.
+            sizes = np.linalg.svd(system_of(stated).gradients(points) * free, compute_uv=False)
+            count = min(component.codimension - len(values), len(stated))
+            tols[sizes[:, count - 1] <= 1e-4] = BLUNT
+        forms, x = [self._form(p) for p in relations], self._variables(points)
+        for k, (q, tol) in enumerate(zip(points, tols.tolist(), strict=True)):
+            at = (form(x[k : k + 1]) for form in forms)
+            zero = all(abs(value[0]) <= tol * size for value, size in at)
+            if zero and self._missed(branches, q, tol):
                 return np.asarray(q)
         return None
+
+    def _plain(self, poly: Poly) -> Poly:
+        """The polynomial, if of one joint without multiple roots: of these points are blunt."""
+        if not self.ring.rational or len(self.ring.joints_of(poly)) != 1:
+            return poly
+        return math.prod((p for p, _ in poly.factor()[1]), start=self.ring.one)
 
     def _missed(self, branches: Sequence[Branch], q: Array, tol: float) -> bool:
         """Whether q (n,) is singular, which what is nearly zero may only seem, and on no branch."""
@@ -194,64 +186,6 @@ class _Exact:
                 out[:, first] = q[:, j]
             else:
                 out[:, first], out[:, first + 1] = np.cos(half[:, j]), np.sin(half[:, j])
-        return out
-
-    def _followed(
-        self, conditions: Sequence[Sequence[_Form]], q: Array, known: frozenset[int], tol: float
-    ) -> Iterator[tuple[Array, float]]:
-        """The points with the known joints as they are in q (n,), and some of the others, too."""
-        unknown: list[frozenset[int]] = []
-        left = []
-        x = self._variables(q[None])
-        for forms in conditions:
-            if joints := frozenset().union(*(f.joints for f in forms)) - known:
-                left.append(forms)
-                unknown.append(joints)
-            elif not any(abs(v[0]) <= tol * s for v, s in (f(x) for f in forms)):
-                return
-        if not left:
-            yield q, tol
-            return
-        least = min(range(len(left)), key=lambda k: len(unknown[k]))
-        joint = int(self.rng.choice(sorted(unknown[least])))
-        if len(unknown[least]) > 1:
-            if len(frozenset().union(*unknown)) > len(left):
-                yield from self._followed(left, q, known | {joint}, tol)
-            return
-        for form in left[least]:
-            for value, sharp in self._roots(form, joint, q):
-                at = q.copy()
-                at[joint] = value
-                yield from self._followed(left, at, known | {joint}, tol if sharp else BLUNT)
-
-    def _roots(self, form: _Form, joint: int, q: Array) -> list[tuple[float, bool]]:
-        """Return zeros of a form in a joint, the others as in q (n,), and which are simple."""
-        # On the circle it is a polynomial in exp(i angle), with coefficients by Fourier transform.
-        variables = list(self.ring.variables(joint))
-        degree = int(form.exponents[:, variables].sum(axis=1).max())
-        angles = 2 * np.pi * np.arange(degree + 1) / (degree + 1)
-        x = np.repeat(self._variables(q[None]), degree + 1, axis=0).astype(complex)
-        if self.slides[joint]:
-            x[:, variables[0]] = self.reach[joint] * np.exp(1j * angles)
-            values, size = form(x)
-        else:
-            x[:, variables] = np.stack([np.cos(angles / 2), np.sin(angles / 2)], axis=-1)
-            values, size = form(x)
-            values = values * np.exp(0.5j * degree * angles)
-        line = (np.exp(-1j * np.arange(degree, -1, -1)[:, None] * angles) * values).mean(axis=-1)
-        if (np.abs(line) <= _ZERO * size).all():
-            return [(float(q[joint]), True)]  # whatever it is
-        line[np.abs(line) <= 1e-14 * size] = 0.0
-        roots = np.roots(line)
-        out = []
-        for k, w in enumerate(roots):
-            sharp = not (np.abs(np.delete(roots, k) - w) < BLUNT).any()
-            if self.slides[joint]:
-                if abs(w.imag) < ALIKE:
-                    out.append((float(w.real) * float(self.reach[joint]), sharp))
-            elif abs(abs(w) - 1) < ALIKE:
-                angle = math.atan2(w.imag, w.real) - float(self.offset[joint])
-                out.append((math.remainder(angle, 2 * math.pi), sharp))
         return out
 
 
