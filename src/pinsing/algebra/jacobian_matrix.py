@@ -14,7 +14,6 @@ import functools
 import itertools
 import math
 import operator
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -54,9 +53,8 @@ def primitive(line: list[Poly], ring: Ring) -> list[Poly]:
 
 def independent_rows(matrix: Matrix, ring: Ring) -> Matrix:
     """Drop rows that are combinations of others with constant factors: no rank is lost."""
-    own = _sharing(matrix, ring)
-    gone = {own[i] for i in dependent([matrix[i] for i in own], ring)}
-    return [row for i, row in enumerate(matrix) if i not in gone and any(x != 0 for x in row)]
+    gone = dependent(matrix, ring)
+    return [row for i, row in enumerate(matrix) if i not in gone]
 
 
 def dependent(
@@ -85,20 +83,6 @@ def dependent(
         else:
             found[i] = {k: -c for k, c in terms.items() if c != 0}
     return found
-
-
-def _sharing(matrix: Matrix, ring: Ring) -> list[int]:
-    """Return rows that may be combinations of others: these have all of their monomials."""
-    places = {
-        i: {(j, m[: ring.nvars]) for j, x in enumerate(row) if x != 0 for m in x.monoms()}
-        for i, row in enumerate(matrix)
-    }
-    while True:
-        counts = Counter(place for own in places.values() for place in own)
-        left = {i: own for i, own in places.items() if all(counts[place] > 1 for place in own)}
-        if len(left) == len(places):
-            return list(left)
-        places = left
 
 
 def reduce_matrix(
@@ -136,18 +120,13 @@ def _unit(rows: Matrix, ring: Ring, never: MadeOnce) -> tuple[int, int] | None:
     # What is known of entries is kept in ``never``.
     in_row = [sum(map(len, row)) for row in rows]
     in_column = [sum(map(len, column)) for column in zip(*rows, strict=True)]
-    best: tuple[int, int, int] | None = None
-    for plain in (True, False):  # constants first: what else is one of them has a cost to beat
-        if best is not None and best[0] < _NO_CONSTANT:
-            break
-        for i, row in enumerate(rows):
-            for j, x in enumerate(row):
-                if not x or ring.is_constant(x) is not plain:
-                    continue
-                cost = (in_column[j] - len(x)) * in_row[i] + (0 if plain else _NO_CONSTANT)
-                if (best is None or (cost, i, j) < best) and never.of(x, ring.nowhere_zero):
-                    best = (cost, i, j)
-    return None if best is None else (best[1], best[2])
+    entries = ((i, j, x) for i, row in enumerate(rows) for j, x in enumerate(row) if x)
+    costs = sorted(
+        ((in_column[j] - len(x)) * in_row[i] + _NO_CONSTANT * (not ring.is_constant(x)), i, j)
+        for i, j, x in entries
+    )
+    found = ((i, j) for _, i, j in costs if never.of(rows[i][j], ring.nowhere_zero))
+    return next(found, None)
 
 
 def in_axes(task: Task, at_tip: bool) -> tuple[int, ...]:
