@@ -347,19 +347,46 @@ class Ring:
 
     def _factors(self, poly: Poly) -> list[Poly]:
         """See ``factors``."""
-        poly = self.strip(poly) if self.roots else poly
-        # Terms from which on a polynomial is factored as one in half-angle tangents.
-        found = self._of_form(poly) if self.roots or len(poly) >= 20 else None
-        if found is None:
-            found = self._irreducible(poly)
-        if self.roots:
-            found = [self.monic(f) for f in found]
+        if self.rational:
+            found = [f for f, _ in poly.factor()[1]]
+        else:
+            poly = self.strip(poly)
+            parts = self._of_form(poly)
+            found = [self.monic(f) for f in (self._irreducible(poly) if parts is None else parts)]
         return [f for f in found if not any(w is not None and f == w for w in self.w)]
+
+    def fixing(self, joint: int, value: Value) -> Poly:
+        """The polynomial that is zero where a joint is at an exact value, and nowhere else."""
+        x, *y = (self.context.gens()[v] for v in self.variables(joint))
+        if not y:
+            return x - self.number(value[0])
+        return x * self.number(value[1]) - y[0] * self.number(value[0])
+
+    def joint_value(self, poly: Poly) -> tuple[int, Value] | None:
+        """The exact value that ``poly`` = 0 fixes one joint at, if it does just that."""
+        # Terms that a polynomial over the rationals has at most that fixes a joint's value.
+        if self.rational and len(poly) > 2:
+            return None
+        joints = self.joints_of(poly)
+        if len(joints) != 1 or poly.total_degree() > 1 + len(self.roots):
+            return None
+        terms = self.terms(poly)
+        if max(map(sum, terms)) != 1:
+            return None
+        j, zero = joints[0], Fraction(0)
+        by = {m.index(1) if any(m) else None: c for m, c in terms.items()}
+        first, *second = (by.get(v, zero) for v in self.variables(j))
+        if not second:
+            return j, (-by.get(None, zero) / first,)
+        x, y = *second, -first
+        # Canonical representative, so that equal values compare equal.
+        lead = x or y
+        return j, (x / lead, y / lead)
+
+    # Square roots ----------------------------------------------------------------------
 
     def _irreducible(self, poly: Poly) -> list[Poly]:
         """Irreducible factors of any polynomial, over the field of the roots."""
-        if self.rational:
-            return [f for f, _ in poly.factor()[1]]
         found: list[Poly] = []
         for f in self._factor(self.monic(poly), len(self.roots)):
             if f not in found:
@@ -410,36 +437,6 @@ class Ring:
     def _place(self, factor: Poly) -> tuple[int, int, int]:
         joint = min(self.joints_of(factor), default=-1)
         return -joint, len(factor), -next((v for v, e in enumerate(factor.degrees()) if e), 0)
-
-    def fixing(self, joint: int, value: Value) -> Poly:
-        """The polynomial that is zero where a joint is at an exact value, and nowhere else."""
-        x, *y = (self.context.gens()[v] for v in self.variables(joint))
-        if not y:
-            return x - self.number(value[0])
-        return x * self.number(value[1]) - y[0] * self.number(value[0])
-
-    def joint_value(self, poly: Poly) -> tuple[int, Value] | None:
-        """The exact value that ``poly`` = 0 fixes one joint at, if it does just that."""
-        # Terms that a polynomial over the rationals has at most that fixes a joint's value.
-        if self.rational and len(poly) > 2:
-            return None
-        joints = self.joints_of(poly)
-        if len(joints) != 1 or poly.total_degree() > 1 + len(self.roots):
-            return None
-        terms = self.terms(poly)
-        if max(map(sum, terms)) != 1:
-            return None
-        j, zero = joints[0], Fraction(0)
-        by = {m.index(1) if any(m) else None: c for m, c in terms.items()}
-        first, *second = (by.get(v, zero) for v in self.variables(j))
-        if not second:
-            return j, (-by.get(None, zero) / first,)
-        x, y = *second, -first
-        # Canonical representative, so that equal values compare equal.
-        lead = x or y
-        return j, (x / lead, y / lead)
-
-    # Square roots ----------------------------------------------------------------------
 
     @property
     def basis(self) -> tuple[int, ...]:
