@@ -32,37 +32,18 @@ from pinsing.robot.arm import Memory
 from pinsing.robot.surd import SQUARES, Exact, exact_of, exact_text, parts_of, surd
 
 
-@dataclass(frozen=True)
-class Style:
-    """Plain text or LaTeX."""
-
-    cos: str
-    sin: str
-    latex: bool
-
-    def joint(self, name: str) -> str:
-        """A joint's symbol."""
-        return latex_symbol(name) if self.latex else name
-
-    def power(self, name: str, exponent: int) -> str:
-        """A joint's symbol with an exponent, unless that is one."""
-        if exponent == 1:
-            return self.joint(name)
-        return f"{self.joint(name)}^{{{exponent}}}" if self.latex else f"{name}^{exponent}"
-
-    def angles(self, values: Sequence[float]) -> str:
-        """Angles one of which it is: ``0° or 180°``, ``±90°``."""
-        ordered = sorted(values, key=lambda v: (abs(v), v))
-        if len(ordered) == 2 and abs(sum(ordered)) < 1e-12:
-            return (r"\pm " if self.latex else "±") + format_angle(ordered[1], self.latex)
-        either = r"\ \text{or}\ " if self.latex else " or "
-        return either.join(format_angle(v, self.latex) for v in ordered)
+def joint_text(name: str, latex: bool) -> str:
+    """A joint's symbol, as plain text or LaTeX."""
+    return latex_symbol(name) if latex else name
 
 
-PLAIN = Style("cos", "sin", False)
-
-
-LATEX = Style(r"\cos", r"\sin", True)
+def angles_text(values: Sequence[float], latex: bool = False) -> str:
+    """Angles one of which it is: ``0° or 180°``, ``±90°``."""
+    ordered = sorted(values, key=lambda v: (abs(v), v))
+    if len(ordered) == 2 and abs(sum(ordered)) < 1e-12:
+        return (r"\pm " if latex else "±") + format_angle(ordered[1], latex)
+    either = r"\ \text{or}\ " if latex else " or "
+    return either.join(format_angle(v, latex) for v in ordered)
 
 
 def latex_symbol(symbol: str) -> str:
@@ -258,9 +239,6 @@ class Equation(Memory):
     def _alone(self) -> System:
         return self.once("alone", lambda: System((self,), (1.0,)))
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "known": {}}
-
     def scaled(self, factor: float) -> Equation:
         """Return the same equation with all coefficients multiplied."""
         exact = self.exact
@@ -270,11 +248,11 @@ class Equation(Memory):
 
     def text(self) -> str:
         """Return ``0.4318 cos q2 + 0.0203 cos(q2+q3) - 0.4318 sin(q2+q3) = 0``, or such a line."""
-        return self.line(PLAIN)
+        return self.line()
 
     def latex(self) -> str:
         """Return the same line in LaTeX."""
-        return self.line(LATEX)
+        return self.line(latex=True)
 
     def exact_text(self, latex: bool = False) -> str:
         """Return the same line with exact coefficients, or nothing where they are not known.
@@ -287,7 +265,7 @@ class Equation(Memory):
         if not self.exact or self.angle_sum is not None:
             return ""
         numbers = [(exact_of(c), exact_of(s)) for c, s in self.exact]
-        return self.line(LATEX if latex else PLAIN, numbers)
+        return self.line(latex, numbers)
 
     def __str__(self) -> str:
         return self.text()
@@ -312,38 +290,39 @@ class Equation(Memory):
         latex : bool
             As LaTeX.
         """
-        style = LATEX if latex else PLAIN
-        names = self._angle(2 * self.frequencies[0], style, shift=False).strip("()")
+        names = self._angle(2 * self.frequencies[0], latex, shift=False).strip("()")
         modulo = r"\pmod{360^\circ}" if latex else "(mod 360°)"
-        return f"{names} = {style.angles(angles)} {modulo}"
+        return f"{names} = {angles_text(angles, latex)} {modulo}"
 
-    def line(self, style: Style, exact: Sequence[tuple[Exact, Exact]] = ()) -> str:
+    def line(self, latex: bool = False, exact: Sequence[tuple[Exact, Exact]] = ()) -> str:
         """Return signed coefficients and what they multiply, in a good order for reading.
 
         Parameters
         ----------
-        style : Style
-            Plain text or LaTeX.
+        latex : bool
+            As LaTeX.
         exact : sequence of (number, number)
             Coefficients of cosine and sine of each term in place of the rounded ones.
         """
         if (found := self.angle_sum) is not None:
-            return self.angle_sum_text([found], style.latex)
+            return self.angle_sum_text([found], latex)
         numbers = exact or np.stack([self.cos, self.sin], axis=1).tolist()
         pieces: list[tuple[float | Exact, str]] = []
+        functions = (r"\cos", r"\sin") if latex else ("cos", "sin")
         for t in self._reading_order:
-            powers = [(self.joints[j], int(self.powers[t, j])) for j in self.powers[t].nonzero()[0]]
-            factors, angle = (
-                [style.power(*p) for p in powers],
-                self._angle(self.frequencies[t], style),
-            )
-            gap = "" if angle.startswith("(") and not style.latex else " "
-            heads = [f"{name}{gap}{angle}" for name in (style.cos, style.sin)] if angle else [""]
+            factors = []
+            for j in self.powers[t].nonzero()[0]:
+                name, power = joint_text(self.joints[j], latex), int(self.powers[t, j])
+                raised = f"{name}^{{{power}}}" if latex else f"{name}^{power}"
+                factors.append(raised if power > 1 else name)
+            angle = self._angle(self.frequencies[t], latex)
+            gap = "" if angle.startswith("(") and not latex else " "
+            heads = [f"{name}{gap}{angle}" for name in functions] if angle else [""]
             for number, head in zip(numbers[t], heads, strict=False):  # a constant has no sine
                 if number and (exact or self._tells(t, number)):
                     pieces.append((number, " ".join([*factors, head]).strip()))
         pieces = pieces if len(pieces) > 1 else [(1.0, body) for _, body in pieces]
-        return f"{signed_sum(pieces, latex=style.latex)} = 0"
+        return f"{signed_sum(pieces, latex=latex)} = 0"
 
     def _tells(self, t: int, coefficient: float) -> bool:
         """Whether a coefficient of a term is more than rounding, or of no angle."""
@@ -356,9 +335,10 @@ class Equation(Memory):
         used = (size > 0).sum(axis=1)
         return tuple(np.lexsort([*-size.T[::-1], used, used == 0]).tolist())
 
-    def _angle(self, frequency: Array, style: Style, shift: bool = True) -> str:
+    def _angle(self, frequency: Array, latex: bool, shift: bool = True) -> str:
         """``q2``, ``(q2+q3)``, ``(2 q4 - q5 + 12 deg)``, or nothing for the constant term."""
-        parts = [(frequency[j] / 2, style.joint(self.joints[j])) for j in np.flatnonzero(frequency)]
+        used = np.flatnonzero(frequency)
+        parts = [(frequency[j] / 2, joint_text(self.joints[j], latex)) for j in used]
         if not parts:
             return ""
         halves = any(k != int(k) for k, _ in parts)
@@ -369,8 +349,8 @@ class Equation(Memory):
         single = len(parts) == 1 and parts[0][0] == 1
         if shift and abs(offset) > 1e-12:
             size = abs(math.degrees(offset))
-            small = f"{size:.2g}" + (r"^\circ" if style.latex else "°")
-            size_text = format_angle(abs(offset), style.latex) if round(size, 4) else small
+            small = f"{size:.2g}" + (r"^\circ" if latex else "°")
+            size_text = format_angle(abs(offset), latex) if round(size, 4) else small
             text, single = moved(text, offset, size_text), False
         inner = text if single else f"({text})"
         return f"({inner}/2)" if halves else inner
@@ -406,9 +386,6 @@ class System:
         rate = self._rate[:, None, :]
         self._slope_cos = (self._sin[:, :, None] * rate).reshape(len(rows), -1)
         self._slope_sin = (self._cos[:, :, None] * rate).reshape(len(rows), -1)
-
-    def __len__(self) -> int:
-        return self.count
 
     def _waves(self, q: Array, less: int = -1) -> tuple[Array, Array]:
         """Cosines and sines (N, T) times powers, or derivatives of these by one joint."""

@@ -29,7 +29,7 @@ from pinsing.algebra.conditions import Branch
 from pinsing.algebra.equation import (
     Equation,
     format_angle,
-    latex_symbol,
+    joint_text,
     moved,
     signed_sum,
     sized,
@@ -164,7 +164,7 @@ def _factors(atoms: Product, equation: Equation, latex: bool) -> str:
     """A product in one line."""
     said = []
     for (j, function, k), power in Counter(atoms).items():
-        name = latex_symbol(equation.joints[j]) if latex else equation.joints[j]
+        name = joint_text(equation.joints[j], latex)
         base, angle = name, ""
         if function != "pow":
             base = "\\" * latex + function[:3]
@@ -276,8 +276,7 @@ def _entry(kind: str) -> tuple[str, str, int, dict[str, tuple[str, int]]]:
 
 def _named(equation: Equation, joint: int, latex: bool = False) -> str:
     """A joint with what its angle is counted from."""
-    name, shift = equation.joints[joint], float(equation.shift[joint])
-    name = latex_symbol(name) if latex else name
+    name, shift = joint_text(equation.joints[joint], latex), float(equation.shift[joint])
     if not shift:
         return name
     shown = moved(name, shift, format_angle(abs(shift), latex))

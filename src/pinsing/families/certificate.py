@@ -26,7 +26,7 @@ from typing import Any
 from flint import fmpq_mat
 
 from pinsing.algebra.budget import Apart, Budget, BudgetExceeded
-from pinsing.algebra.jacobian_matrix import constants
+from pinsing.algebra.jacobian_matrix import Lines, constants
 from pinsing.algebra.ring import MadeOfEqual, make_ring
 from pinsing.families.faithful import disagreements
 from pinsing.families.form import ClosedForm, Proof
@@ -39,7 +39,6 @@ from pinsing.families.proof_forms import (
     content,
     division,
     divisions,
-    empty,
     form_of,
     form_text,
     place_text,
@@ -101,8 +100,6 @@ def _monomials(ring: Ring, form: Poly, p: Poly) -> Iterator[Poly]:
 
 Sum = list[list[Any]]
 """Terms: a polynomial as text, and the number of the form of a family that it is times."""
-Lines = tuple[tuple[int, ...], tuple[int, ...]]
-"""Rows and columns of a minor."""
 
 
 @dataclass(frozen=True)
@@ -345,8 +342,8 @@ class Tree:
         NotFound if one could not be closed, or time was over.
         """
         place = self.draft.without_implied(self.draft.place_of(forms, points))
-        if empty(self.ring, place.relations):
-            return None
+        if not all(map(self.ring.joints, place.relations)):
+            return None  # one of them is a number
         key = points, frozenset(map(self._id, place.forms))
         if key in self._places:
             if isinstance(known := self._places[key], NotFound):

@@ -38,11 +38,10 @@ from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component, inside
 from pinsing.algebra.conditions import Branch, Conditions, JointValue, two_sided
 from pinsing.algebra.equation import (
-    LATEX,
-    PLAIN,
     Equation,
-    Style,
+    angles_text,
     equation,
+    joint_text,
     scale_to_lengths,
 )
 from pinsing.algebra.real_roots import (
@@ -370,7 +369,6 @@ def statement(
     latex: bool = False,
 ) -> str:
     """The condition of a family in one line."""
-    style = LATEX if latex else PLAIN
     # Branches of which only one sum of angles differs are stated together.
     alike: dict[object, list[Branch]] = {}
     for b in branches:
@@ -388,16 +386,16 @@ def statement(
             angles = [e.angle_sum for b in members for e in b.equations if e.angle_sum is not None]
             said = (one.angle_sum_text(angles, latex),)
             equations = tuple(e for e in equations if e is not one)
-        groups.setdefault((*said, *_written(equations, style)), []).append(first)
+        groups.setdefault((*said, *_written(equations, latex)), []).append(first)
     joint, either = (r",\ ", r"\ \text{or}\ ") if latex else (" and ", "; or ")
     return either.join(
         joint.join([*values, *texts])
         for texts, members in groups.items()
-        for values in _value_texts(members, solved, symbols, prismatic, style)
+        for values in _value_texts(members, solved, symbols, prismatic, latex)
     )
 
 
-def _written(equations: Sequence[Equation], style: Style) -> tuple[str, ...]:
+def _written(equations: Sequence[Equation], latex: bool) -> tuple[str, ...]:
     """Equations that hold at once: the short ones, and of several long ones how many."""
     # Those that put one joint at 0 or 180 degrees, sin q = 0: twice the multiple of an angle that
     # occurs as itself.
@@ -413,32 +411,33 @@ def _written(equations: Sequence[Equation], style: Style) -> tuple[str, ...]:
         joints = enumerate(sorted(e.involved[0] for e in straight))
         said = list[str]()
         for _, run in itertools.groupby(joints, lambda at: at[1] - at[0]):
-            ends = [style.joint(straight[0].joints[j]) for _, j in run]
-            to = r"\ \text{to}\ " if style.latex else " to "
+            ends = [joint_text(straight[0].joints[j], latex) for _, j in run]
+            to = r"\ \text{to}\ " if latex else " to "
             said += [f"{ends[0]}{to}{ends[-1]}"] if len(ends) > 2 else ends
         text = f"{listed(said)} each 0° or 180°"
-        if style.latex:
+        if latex:
             text = rf"{', '.join(said)}\ \text{{each}}\ 0^\circ\ \text{{or}}\ 180^\circ"
-        return (text, *_written([e for e in equations if e not in straight], style))
+        return (text, *_written([e for e in equations if e not in straight], latex))
     long = long_ones(equations)
     if len(long) < 2:
-        return tuple(_write(e, style, len(equations) == 1) for e in equations)
+        return tuple(_write(e, latex, len(equations) == 1) for e in equations)
     names = [long[0].joints[j] for j in sorted({j for e in long for j in e.involved})]
     sizes = sorted({len(e.cos) for e in long})
     size = f"{sizes[0]} to {sizes[-1]}" if len(sizes) > 1 else f"{sizes[0]}"
     text = f"{len(long)} equations at once in {listed(names)} [{size} terms]"
-    if style.latex:
-        text = rf"{len(long)}\ \text{{equations at once in}}\ {', '.join(map(style.joint, names))}"
-    return (*(_write(e, style, False) for e in equations if e not in long), text)
+    if latex:
+        within = ", ".join(joint_text(name, latex) for name in names)
+        text = rf"{len(long)}\ \text{{equations at once in}}\ {within}"
+    return (*(_write(e, latex, False) for e in equations if e not in long), text)
 
 
-def _write(equation: Equation, style: Style, alone: bool) -> str:
+def _write(equation: Equation, latex: bool, alone: bool) -> str:
     if alone and (form := long_form(equation)) is not None:
-        return form.latex if style.latex else form.text()
-    if len(equation.cos) > LONG and not style.latex:
+        return form.latex if latex else form.text()
+    if len(equation.cos) > LONG and not latex:
         names = ", ".join(equation.joints[j] for j in equation.involved)
         return f"f({names}) = 0 [{len(equation.cos)} terms]"
-    return equation.line(style)
+    return equation.line(latex)
 
 
 def _value_texts(
@@ -446,7 +445,7 @@ def _value_texts(
     solved: Sequence[Equation],
     symbols: Sequence[str],
     prismatic: Sequence[bool],
-    style: Style,
+    latex: bool,
 ) -> list[list[str]]:
     """Conditions on single joints; one list if all combinations occur, else one a branch."""
     rounded = [{v.joint: round(v.value, 12) for v in b.values} for b in branches]
@@ -455,21 +454,21 @@ def _value_texts(
     if combinations != set(itertools.product(*sets.values())):
         each = [{v.joint: [v.value] for v in b.values} for b in branches]
         return [
-            [_joint_text(symbols[j], x, prismatic[j], (), style) for j, x in values.items()]
+            [_joint_text(symbols[j], x, prismatic[j], (), latex) for j, x in values.items()]
             for values in each
         ]
-    return [[_joint_text(symbols[j], x, prismatic[j], solved, style) for j, x in sets.items()]]
+    return [[_joint_text(symbols[j], x, prismatic[j], solved, latex) for j, x in sets.items()]]
 
 
 def _joint_text(
-    symbol: str, values: Sequence[float], slides: bool, solved: Sequence[Equation], style: Style
+    symbol: str, values: Sequence[float], slides: bool, solved: Sequence[Equation], latex: bool
 ) -> str:
     """``d3 = 0``, or ``sin q6 = -0.2 (q6 = ...)`` where its values are those of an equation."""
-    name = style.joint(symbol)
+    name = joint_text(symbol, latex)
     if slides:
-        unit, either = (r"\,\mathrm{m}", r"\ \text{or}\ ") if style.latex else (" m", " or ")
+        unit, either = (r"\,\mathrm{m}", r"\ \text{or}\ ") if latex else (" m", " or ")
         return f"{name} = {either.join(f'{v:.6g}{unit}' if v else '0' for v in values)}"
-    known = f"{name} = {style.angles(values)}"
+    known = f"{name} = {angles_text(values, latex)}"
     for e in solved:
         (j,) = e.involved
         q = np.zeros((len(values), len(e.joints)))
@@ -477,16 +476,16 @@ def _joint_text(
         # A mirror image has roots of its own, which the equation of the other one has not.
         if e.joints[j] != symbol or (np.abs(e(q)) >= 1e-9 * e.size).any():
             continue
-        written = e.line(style)
+        written = e.line(latex)
         moving = np.abs(e.frequencies).sum(axis=1).tolist()
         if sorted(moving) == [0, 2] and not e.shift[j]:  # a sin q + b = 0, or with cos
             at = moving.index(2)
-            heads = {style.cos: e.cos[at], style.sin: e.sin[at]}
-            used = {function: head for function, head in heads.items() if head}
+            used = [(f, head) for f, head in (("cos", e.cos[at]), ("sin", e.sin[at])) if head]
             if len(used) == 1:
-                ((function, head),) = used.items()
+                ((function, head),) = used
                 written = f"{function} {name} = {-e.cos[1 - at] / head:.10g}"
-        return f"{written}\\ ({known})" if style.latex else f"{written} ({known})"
+                written = "\\" * latex + written
+        return f"{written}\\ ({known})" if latex else f"{written} ({known})"
     return known
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from pinsing.algebra.components import Component
 from pinsing.algebra.conditions import GAP, Branch, Conditions, SearchOptions, nearest_points
-from pinsing.algebra.equation import PLAIN, Equation, format_angle, latex_symbol
+from pinsing.algebra.equation import Equation, angles_text, format_angle, latex_symbol
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
 from pinsing.families.at_once import LONG, AtOnce, SolvedFor, long_form, long_ones
 from pinsing.families.zero_set import (
@@ -722,7 +722,7 @@ class Family(JsonResult):
         j = int(said[2]) - 1
         of = [v for v in self.value_reach if v.joint == j]
         left = [self._copy(v.value, j) for v in of if v.reachability is not Reachability.OUTSIDE]
-        return said[1] if self.prismatic[j] or not left else f"q{j + 1} = {PLAIN.angles(left)}"
+        return said[1] if self.prismatic[j] or not left else f"q{j + 1} = {angles_text(left)}"
 
     def _copy(self, angle: float, j: int) -> float:
         """The angle, by whole turns within the limits where one is."""

@@ -293,11 +293,6 @@ def top_of(ring: Ring, form: Poly, joint: int) -> Poly:
     return form.subs({x: 0, y: 1})
 
 
-def empty(ring: Ring, forms: Sequence[Poly]) -> bool:
-    """Return True if forms have no common zero, as one of them is a number."""
-    return any(f != 0 and not ring.joints(f) for f in forms)
-
-
 def vanishes(ring: Ring, form: Poly, forms: Sequence[Poly]) -> bool:
     """Return True if ``form`` is shown to be zero wherever all of ``forms`` are."""
     if ring.vanishes(form, ({}, list(forms))):
@@ -485,8 +480,8 @@ class Draft(Certificate):
         each factor of that makes a part.
         """
         place = self.place_of(forms)
-        if empty(self.ring, place.relations):
-            return []
+        if not all(map(self.ring.joints, place.relations)):
+            return []  # one of them is a number
         linear, relations = place.forms[: len(place.values)], place.relations
         for k, p in enumerate(relations):
             others = [*linear, *relations[:k], *relations[k + 1 :]]

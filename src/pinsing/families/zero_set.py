@@ -193,7 +193,7 @@ def project(
     """Move points (N, n) onto zeros of equations, along ``free`` joints; return which got there."""
     # Gauss-Newton with minimum-norm steps, also where gradients vanish or depend on each other.
     q = np.array(start, dtype=float)
-    if not len(equations) or not len(q):
+    if not equations or not len(q):
         return q, np.ones(len(q), dtype=bool)
     system = equations if isinstance(equations, System) else system_of(equations)
     best, least = q.copy(), np.full(len(q), np.inf)
@@ -209,7 +209,7 @@ def project(
             break
         A = system.gradients(q[left]) * free
         # All but on the set, what is left of f is rounding: not to be divided by small slopes.
-        if len(system) == 1:
+        if system.count == 1:
             square = np.einsum("nij,nij->n", A, A)[:, None]
             step = np.where(square > 0, -f * A[:, 0] / np.where(square > 0, square, 1.0), 0.0)
         else:
