@@ -216,18 +216,16 @@ class ComponentSearch:
     """A search, and what its steps found: components, gaps, and what these rest on."""
 
     def __init__(self, geometry: Nominal, time: Budget, angle_tol: float) -> None:
-        self.geometry, self.arm, self.time, self._angle_tol = (
-            geometry,
-            geometry.arm,
-            time,
-            angle_tol,
-        )
+        self.geometry, self.arm, self.time = geometry, geometry.arm, time
         self.task, self.rank = self.arm.task, generic_rank(self.arm)
+        # Slices can lead on where each joint moves on its own, and all rows count.
+        known = _FEW <= self.arm.n <= MAX_JOINTS and self.arm.coupling is None
+        self.slices = known and self.arm.n > self.rank == len(self.task.rows)
         slides = tuple(bool(p) for p in self.arm.prismatic)
         # Families are described after the search, in the same ring: polynomials with square roots
         # may take more time than the search.
         self.ring = make_ring(slides, constants(geometry, self.task), time.part(1.0, 1.2))
-        self.maker = self.new_maker()
+        self.maker = PieceMaker(geometry, self.ring, time, angle_tol)
         self.components: list[Component] = []
         self.gaps: list[str] = []
         self.random = RandomSteps(0, (), ())
@@ -246,20 +244,9 @@ class ComponentSearch:
                 self.steps.append(name)
         return self
 
-    @property
-    def slices(self) -> bool:
-        """True if slices can lead on: each joint moves on its own, and all rows count."""
-        full = self.rank == len(self.task.rows)
-        known = _FEW <= self.arm.n <= MAX_JOINTS and self.arm.coupling is None
-        return known and full and self.arm.n > self.rank
-
     def rest(self, share: float) -> Budget:
         """A share of the time that is left, a tenth of the whole at least."""
         return self.time.part(share, 0.1)
-
-    def new_maker(self) -> PieceMaker:
-        """For points and equations of components, from the same random numbers each time."""
-        return PieceMaker(self.geometry, self.ring, self.time, self._angle_tol)
 
     def all_minors(self, time: Budget) -> Decomposition:
         """The components by all minors, as far as the time goes."""
@@ -372,7 +359,9 @@ def all_minors_again(s: ComponentSearch) -> bool:
     found = s.all_minors(time)
     if not found.gaps:
         s.components, s.gaps, s.random = list(found.components), [], found.second
-        s.count, s.maker, s.closed = None, s.new_maker(), True
+        # From the same random numbers each time.
+        s.maker = PieceMaker(s.geometry, s.ring, s.time, s.maker.angle_tol)
+        s.count, s.closed = None, True
     return True
 
 
