@@ -189,10 +189,19 @@ def test_what_comes_of_a_child():
 
 
 @forks
-def test_a_single_call_into_flint_is_stopped(forked):
+def test_a_single_call_into_flint_is_stopped_and_what_was_told_before_is_kept(forked):
+    here = Apart(Budget(0.5), 0.5)
+
+    def work() -> int:
+        here.tell("found one")
+        return endless()
+
+    outcome = here.run(work, at_once=True)
+    assert (outcome.result, outcome.told) == (None, ["found one"])
+    assert outcome.reason
+    assert gone(forked)
     with pytest.raises(BudgetExceeded, match="ran out in one step"):
         in_child(endless, Budget(0.5), 0.5)
-    assert gone(forked)
 
 
 @forks
@@ -203,21 +212,6 @@ def test_ctrl_c_is_heard_during_a_single_call(forked):
     with pytest.raises(KeyboardInterrupt):
         in_child(endless, Budget(60), 60)
     assert gone(forked)
-
-
-@forks
-@pytest.mark.slow
-def test_what_was_told_before_the_end_is_kept():
-    here = Apart(Budget(0.5), 0.5)
-
-    def work() -> int:
-        here.tell("found one")
-        return endless()
-
-    outcome = here.run(work, at_once=True)
-    assert outcome.result is None
-    assert outcome.told == ["found one"]
-    assert outcome.reason
 
 
 @forks
