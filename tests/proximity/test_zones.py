@@ -201,7 +201,7 @@ def test_long_equations_are_reached_and_never_too_near(monkeypatch):
     form = pinsing.closed_form(pinsing.load("gofa5"), prove=False)
     Q = np.random.default_rng(8).uniform(-np.pi, np.pi, (400, 6))
     search = _search(monkeypatch, form)
-    cells = zone_search._Cells.first(Q, 0 * Q, len(search.each))
+    cells = zone_search._cells(Q, 0 * Q, len(search.each))
     search._follow(cells)
     search._begin_elsewhere(cells)
     low = two_sided(watch(form).conditions.zeros, Q, each=True).each[..., 0]

@@ -152,29 +152,17 @@ class Leaves:
     regular: Bool  # (N,): whether certain or regular on every layer
 
     @cached_property
-    def _order(self) -> dict[int, tuple[NDArray[np.bytes_], Ints]]:
-        """Keys of the boxes of each level in order, and which boxes these are."""
-        out = {}
-        for k in np.unique(self.level):
-            rows = np.flatnonzero(self.level == k)
-            keys = self._key(self.index[rows])
-            order = np.argsort(keys)
-            out[int(k)] = keys[order], rows[order]
-        return out
-
-    def _key(self, index: Ints) -> NDArray[np.bytes_]:
-        # Bytes, which have the order of the numbers: one integer has no room for many joints.
-        return np.ascontiguousarray(index, ">u4").view(f"S{4 * index.shape[1]}").ravel()
+    def _order(self) -> tuple[NDArray[np.bytes_], Ints]:
+        """Keys of the boxes in order, and which boxes these are."""
+        keys = _keys(self.level, self.index)
+        order = np.argsort(keys)
+        return keys[order], order
 
     def find(self, level: Ints, index: Ints) -> Ints:
         """Return which boxes have these levels and places; -1 for none."""
-        hit = np.full(len(level), -1, dtype=np.int64)
-        for k, (keys, rows) in self._order.items():
-            mine = np.flatnonzero(level == k)
-            wanted = self._key(index[mine])
-            pos = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-            hit[mine] = np.where(keys[pos] == wanted, rows[pos], -1)
-        return hit
+        (keys, rows), wanted = self._order, _keys(level, index)
+        pos = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+        return np.where(keys[pos] == wanted, rows[pos], -1)
 
     def take(self, which: Bool) -> Leaves:
         """Some of them."""
@@ -191,6 +179,12 @@ class Leaves:
         """These and others."""
         names = ("level", "index", "sign", "regular")
         return Leaves(*(np.concatenate([getattr(self, k), getattr(more, k)]) for k in names))
+
+
+def _keys(level: Ints, index: Ints) -> NDArray[np.bytes_]:
+    """Levels and places as bytes: one integer has no room for many joints."""
+    both = np.column_stack([level, index]).astype(">u4")
+    return both.view(f"S{4 * both.shape[1]}").ravel()
 
 
 def is_regular(

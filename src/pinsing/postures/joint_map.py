@@ -449,20 +449,18 @@ def boxes_that_touch(ground: Ground, leaves: Leaves) -> tuple[Ints, Ints, Ints]:
     count = ground.first * 2 ** level[:, None]
     none = np.zeros(0, dtype=np.int64)  # a single box touches no other
     found = [(none, none, none)]
-    for j in range(ground.d):
-        for step in (-1, 1):
-            place = index.copy()
-            place[:, j] += step
-            over = (place[:, j] < 0) | (place[:, j] >= count[:, j])
-            todo = np.flatnonzero(~over | ground.circle[j])
-            place[:, j] %= count[:, j]
-            place, at, wraps = place[todo], level[todo].copy(), over[todo]
-            while len(todo):
-                hit = leaves.find(at, place)
-                ok = hit >= 0
-                found.append((todo[ok], hit[ok], np.where(wraps[ok], ground.flips[j], 0)))
-                up = ~ok & (at > 0)
-                todo, place, at, wraps = todo[up], place[up] >> 1, at[up] - 1, wraps[up]
+    for j, step in product(range(ground.d), (-1, 1)):
+        place = index + step * (np.arange(ground.d) == j)
+        over = (place[:, j] < 0) | (place[:, j] >= count[:, j])
+        place[:, j] %= count[:, j]
+        todo = np.flatnonzero(~over | ground.circle[j])
+        at, place = level[todo], place[todo]
+        while len(todo):
+            hit = leaves.find(at, place)
+            ok = hit >= 0
+            found.append((todo[ok], hit[ok], np.where(over[todo[ok]], ground.flips[j], 0)))
+            up = ~ok & (at > 0)
+            todo, at, place = todo[up], at[up] - 1, place[up] >> 1
     a, b, flip = (np.concatenate(x) for x in zip(*found, strict=True))
     return a, b, flip
 

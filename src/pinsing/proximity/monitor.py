@@ -952,7 +952,7 @@ def _strings(name: str, values: Sequence[str]) -> str:
 def _table(name: str, values: ArrayLike) -> str:
     """An array of C; an empty one holds a zero."""
     array, kind = np.asarray(values), "double"
-    words = [_literal(v).replace('float("inf")', "HUGE_VAL") for v in array.tolist()]
+    words = [repr(v).replace("inf", "HUGE_VAL") for v in array.tolist()]
     if array.dtype.kind != "f":
         kind, words = "int", [str(int(v)) for v in array]
     head, inside = f"static const {kind} {name}[] = {{", ", ".join(words or ["0"])
@@ -966,8 +966,8 @@ def _python_text(f: Mapping[str, Any], c: Conditions, zones: Mapping[str, Any], 
     """The module for NumPy: facts as constants, and zones, empty or with ``title``, ``tables``."""
     numbers = itertools.pairwise(c.flat["equation_start"].tolist())
     branches = [
-        (b.family, b.joints.tolist(), b.values.tolist(), [*range(first, end)])
-        for b, (first, end) in zip(c.branches, numbers, strict=True)
+        (b.family, b.joints.tolist(), b.values.tolist(), [*range(*ends)])
+        for b, ends in zip(c.branches, numbers, strict=True)
     ]
     sums = [
         (s.amplitude.tolist(), s.phase.tolist(), s.rate.tolist(), s.power.tolist(), s.noise)
@@ -975,7 +975,7 @@ def _python_text(f: Mapping[str, Any], c: Conditions, zones: Mapping[str, Any], 
     ]
     code = Path(trig_sum.__file__).read_text(encoding="ascii")
     parts = {
-        "constants": "\n".join(f"{name.upper()} = {_literal(v)}" for name, v in f.items()),
+        "constants": "\n".join(f"{name.upper()} = {v!a}" for name, v in f.items()),
         "code": code.partition("import Array, ArrayLike\n")[2].strip(),
         "branches": _rows(branches),
         "sums": _rows(sums),
@@ -984,25 +984,13 @@ def _python_text(f: Mapping[str, Any], c: Conditions, zones: Mapping[str, Any], 
     if zones:
         title = textwrap.wrap(zones["title"], _WIDTH, initial_indent="# ", subsequent_indent="# ")
         of, tables = {**zones, "title": "\n".join(title)}, zones["tables"].items()
-        of["tables"] = "\n".join(f"{k.upper()} = {_literal(v.tolist())}" for k, v in tables)
+        of["tables"] = "\n".join(f"{k.upper()} = {tuple(v.tolist())}" for k, v in tables)
         parts["zones"] = _filled("zones.py.in", of)
     return _filled("guard.py.in", parts)
 
 
 def _rows(values: Sequence[object]) -> str:
-    return "(\n" + "".join(f"    {_literal(v)},\n" for v in values) + ")" if values else "()"
-
-
-def _literal(value: object) -> str:
-    """Return what Python reads as the same value, in ASCII whatever a name holds."""
-    if isinstance(value, float) and math.isinf(value):
-        return 'float("inf")' if value > 0 else '-float("inf")'
-    if isinstance(value, str):
-        return ascii(value)
-    if isinstance(value, tuple | list):
-        words = [_literal(v) for v in value]
-        return f"({', '.join(words)}{',' if len(words) == 1 else ''})"
-    return repr(value)
+    return "(\n" + "".join(f"    {v},\n" for v in values) + ")" if values else "()"
 
 
 MOST_TERMS = 20_000
@@ -1158,17 +1146,17 @@ def make_guard(
         "robot_hash": f"sha256:{fingerprint(arm)}",
         "radians": arm.units is not None,
         "joints": arm.joints,
-        "lower": arm.lower.tolist(),
-        "upper": arm.upper.tolist(),
-        "families": [name for name, _ in kept],
-        "texts": [f"{f.title}: {f.text}" if f.title else f.text for _, f in kept],
+        "lower": tuple(arm.lower.tolist()),
+        "upper": tuple(arm.upper.tolist()),
+        "families": tuple(name for name, _ in kept),
+        "texts": tuple(f"{f.title}: {f.text}" if f.title else f.text for _, f in kept),
         "complete": complete,
         "word": word,
         "notes": tuple(notes),
         "tolerance": max(snaps, default=0.0),
         "jacobian_change": change,
-        "weight": conditions.weight.tolist(),
-        "turn": conditions.turn.tolist(),
+        "weight": tuple(conditions.weight.tolist()),
+        "turn": tuple(conditions.turn.tolist()),
         "margin": margin,
     }
     write = _c_text if language == "c" else _python_text

@@ -25,10 +25,10 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -231,14 +231,8 @@ _ROUNDS, _MORE_ROUNDS, _CLOSE = 2, 13, 0.9
 one joint to spare the best one is known there."""
 
 
-@dataclass(frozen=True, eq=False)
-class BoxSpeeds:
-    """Shares of the joint speed limits in boxes."""
-
-    center: Array  # (N,), above 1 a limit is exceeded
-    first: Array  # (N,), in all of the box by the first order
-    most: Array  # (N,), proven for all of the box; infinite where not, or over 1
-    pull: Array  # (N, n), how much of the bound is due to the width of each joint
+Records: TypeAlias = Any
+"""An np.recarray: named numbers of each of N boxes."""
 
 
 class SpeedBounds:
@@ -303,25 +297,29 @@ class SpeedBounds:
         spin = tip_rotations(self.judge.arm, Q)[:, :, self.axis]
         return np.concatenate([J, np.concatenate([0 * spin, spin], axis=1)[:, :, None]], axis=2)
 
-    def of(self, C: Array, R: Array) -> BoxSpeeds:
-        """Shares in boxes of centres C (N, n) and half widths R (N, n)."""
+    def of(self, C: Array, R: Array) -> Records:
+        """Shares of the limits in boxes of centres C (N, n) and half widths R (N, n).
+
+        ``center`` (N,): above 1 a limit is exceeded. ``first`` (N,): in all of the box by the first
+        order. ``most`` (N,): proven for all of the box; infinite where not, or over 1. ``pull``
+        (N, n): how much of the bound is due to the width of each joint.
+        """
         found = self._of(C, R, _ROUNDS)
         # Speeds that are least at the centre change more than others do in all of a wide box.
         close = np.flatnonzero((found.most > 1) & (found.center > _CLOSE))
         spare = len(self.far) - len(self.rows)
         if spare and len(close):
-            closer = self._of(C[close], R[close], _MORE_ROUNDS if spare > 1 else 0)
-            for was, now in zip(vars(found).values(), vars(closer).values(), strict=True):
-                was[close] = now
+            found[close] = self._of(C[close], R[close], _MORE_ROUNDS if spare > 1 else 0)
         return found
 
-    def _of(self, C: Array, R: Array, rounds: int) -> BoxSpeeds:
+    def _of(self, C: Array, R: Array, rounds: int) -> Records:
         out = engine.module().joint_speeds(
             *(self.rows, self.linear, self.judge.limits, self.far, self.turns, self.moving),
-            *([self.v, self.w], self.middle, rounds, self.still, self.jacobians(C), R),
-            *(engine.isa_names()[-1], engine.cpu_count()),
+            *([self.v, self.w], self.middle, rounds, self.still, self.jacobians(C)),
+            *(np.ascontiguousarray(R), engine.isa_names()[-1], engine.cpu_count()),
         )
-        return BoxSpeeds(out[:, 0], out[:, 1], out[:, 2], out[:, 3:])
+        names = [(name, float) for name in ("center", "first", "most")]
+        return out.view([*names, ("pull", float, C.shape[1:])])[:, 0].view(np.recarray)
 
 
 def sums_behind(x: Array) -> Array:
@@ -540,53 +538,28 @@ class Region:
         return np.asarray(np.maximum(self.tip[0] - places, places - self.tip[1]))
 
 
-@dataclass(frozen=True, eq=False)
-class _Answer:
-    """One distance: proven, reached by a configuration that exceeds a limit, and that one."""
+def _cells(C: Array, R: Array, families: int) -> Records:
+    """Boxes of centres C (N, n) and half widths R (N, n), of which nothing is known.
 
-    proven: float
-    reached: float
-    q: Array
+    ``ceiling`` (N,): how far from the families any of it may be. ``points`` (N, F, n): one near
+    each family, weighted; infinite where none is known. ``slack`` (N, F): how far the family may
+    be from there. ``asked`` (N, F): size of the box when points were last looked for elsewhere.
+    """
+    size, each = C.shape[1:], (families,)
+    numbers = [("C", float, size), ("R", float, size), ("ceiling", float)]
+    numbers += [("points", float, each + size), ("slack", float, each), ("asked", float, each)]
+    out = np.full(len(C), np.inf, numbers).view(np.recarray)
+    out.C, out.R, out.slack = C, R, 0.0
+    return out
 
 
-@dataclass(frozen=True, eq=False)
-class _Cells:
-    """Boxes, how far from the families any of it may be, and a point near each family."""
-
-    C: Array  # (N, n) centres
-    R: Array  # (N, n) half widths
-    ceiling: Array  # (N,)
-    points: Array  # (N, F, n), weighted coordinates; infinite where none is known
-    slack: Array  # (N, F), how far the family may be from there
-    asked: Array  # (N, F), size of the box when points were last looked for elsewhere
-
-    @classmethod
-    def first(cls, C: Array, R: Array, families: int) -> _Cells:
-        """Boxes of which nothing is known."""
-        shape = len(C), families
-        points = np.full((*shape, C.shape[1]), np.inf)
-        return cls(C, R, np.full(len(C), np.inf), points, np.zeros(shape), np.full(shape, np.inf))
-
-    @classmethod
-    def joined(cls, parts: Iterable[_Cells]) -> _Cells:
-        """All of them."""
-        return cls(*map(np.concatenate, zip(*(vars(x).values() for x in parts), strict=True)))
-
-    def __getitem__(self, rows: Any) -> _Cells:
-        return _Cells(*(x[rows] for x in vars(self).values()))
-
-    def moved(self, C: Array, R: Array) -> _Cells:
-        """The same of other centres and half widths."""
-        return _Cells(
-            C, R, *(x.copy() for x in (self.ceiling, self.points, self.slack, self.asked))
-        )
-
-    def take(self, family: int, points: Array, slack: Array, scale: Array) -> None:
-        """Take points (N, n), ``slack`` (N,) off a family, that are nearer than the ones there."""
-        was = np.linalg.norm((self.points[:, family] - self.C * scale)[:, scale > 0], axis=1)
-        now = np.linalg.norm((points - self.C * scale)[:, scale > 0], axis=1)
-        nearer = now + slack < was + self.slack[:, family]
-        self.points[nearer, family], self.slack[nearer, family] = points[nearer], slack[nearer]
+def _take(x: Records, family: int, points: Array, slack: Array, scale: Array) -> None:
+    """Take points (N, n), ``slack`` (N,) off a family, that are nearer than the ones of boxes."""
+    X = x.C * scale
+    was = np.linalg.norm((x.points[:, family] - X)[:, scale > 0], axis=1)
+    now = np.linalg.norm((points - X)[:, scale > 0], axis=1)
+    nearer = now + slack < was + x.slack[:, family]
+    x.points[nearer, family], x.slack[nearer, family] = points[nearer], slack[nearer]
 
 
 class _Search:
@@ -631,7 +604,7 @@ class _Search:
         """Keep the points of surfaces that steps from Q (N, n) lead to."""
         from scipy.spatial import KDTree
 
-        self._follow(found := _Cells.first(Q, 0 * Q, len(self.each)))
+        self._follow(found := _cells(Q, 0 * Q, len(self.each)))
         for f in np.flatnonzero(self.surfaces).tolist():
             some = found[np.isfinite(found.points[:, f]).all(axis=1)]
             self._follow(some, f, 1.0)
@@ -654,24 +627,27 @@ class _Search:
         notes: list[str] = []
         loose: list[str] = []
         half = self.most // (2 if count > 1 else 1)
-        common = self._least(None, np.full(count, np.inf), "one distance from all families", half)
+        every = np.full(count, np.inf)
+        proven, reached, worst = self._least(None, every, "one distance from all families", half)
         OptionError.refuse_if(
-            not count and common.proven > 0,
+            not count and proven > 0,
             f"{self.arm.name} has no family to keep away from, and {self.speeds[0]:g} m/s and "
             f"{self.speeds[1]:g} rad/s of the tip may exceed a joint speed limit: lower them, or "
             "give a smaller part (within)",
         )
-        far = np.full(count, common.proven)
+        far = np.full(count, proven)
         found = np.zeros(count)
         for k, name in enumerate(names):
             # The first zone to be lowered is mostly the one that takes the most boxes.
             share = (self.most - self.seen) // (2 if k < count - 1 else 1)
             title = f"{name}, {k + 1} of {count} families"
-            lowered = common if count == 1 else self._least(k, far, title, share)
-            far[k], found[k] = min(far[k], lowered.proven), lowered.reached
+            lowest, found[k], q = proven, reached, worst
+            if count > 1:
+                lowest, found[k], q = self._least(k, far, title, share)
+            far[k] = min(far[k], lowest)
             least = min(found[k], np.delete(far, k).min(initial=np.inf))
-            if least > common.reached:
-                common = _Answer(common.proven, float(least), lowered.q)
+            if least > reached:
+                reached, worst = float(least), q
             if far[k] > (1 + GAP) * found[k] + self.sure:
                 loose.append(name)
         sigma, condition = self._measures(far)
@@ -703,9 +679,9 @@ class _Search:
             posture=self.region.posture,
             distances=dict(zip(names, far.tolist(), strict=True)),
             exceeding=dict(zip(names, found.tolist(), strict=True)),
-            common=common.proven,
-            common_exceeding=common.reached,
-            worst=common.q,
+            common=proven,
+            common_exceeding=reached,
+            worst=worst,
             sigma_min=sigma,
             sigma_min_proven=1 / (length * needed) if both and needed else 0.0,
             condition_number=condition,
@@ -759,7 +735,7 @@ class _Search:
     def _guessed(self, k: int | None, far: Array, Q: Array) -> Array:
         """The objective of Q (N, n) by the nearest points that are found."""
         self.seen += 2 * len(Q)  # as long as that takes
-        x = _Cells.first(Q, 0 * Q, len(far))
+        x = _cells(Q, 0 * Q, len(far))
         self._follow(x)
         self._begin_elsewhere(x)
         value = self._objective(k, far, self._upper(x)[0])
@@ -773,13 +749,18 @@ class _Search:
         lower = np.reshape([near.lower for near in found], (len(found), len(Q))).T
         return lower, np.reshape([near.q for near in found], (-1, self.arm.n))
 
-    def _least(self, k: int | None, far: Array, what: str, most: int) -> _Answer:
-        """Return the least distance of family k (of all), those of the others being ``far``."""
+    def _least(
+        self, k: int | None, far: Array, what: str, most: int
+    ) -> tuple[float, float, Array]:
+        """Return the least distance of family k (of all), those of the others being ``far``.
+
+        It is proven; then how far one is that exceeds a limit, and that configuration.
+        """
         # Farther than ``far`` from family k and the others nothing exceeds a limit.
         cap = np.inf if k is None else float(far[k])
         reached, q = self._climb(k, far, self._random(self.samples), 0.3, (0.0, np.empty(0)))
         C, R = self._first_boxes()
-        boxes = _Cells.first(C, R, len(far))
+        boxes = _cells(C, R, len(far))
         begin, most = self.seen, max(most, len(C))
         while True:
             boxes = boxes[boxes.ceiling > self._target(reached)]
@@ -798,22 +779,22 @@ class _Search:
                     reached, q = self._climb(k, far, ahead, 0.05, (reached, q))
             self.seen += count
             self.progress(what, min(self.seen - begin, most), most)
-            boxes = _Cells.joined(made)
+            boxes = np.concatenate(made).view(np.recarray)
         proven = max((1 + GAP) * reached, float(boxes.ceiling.max(initial=0.0)))
-        return _Answer(proven + ROUNDING if proven else 0.0, reached, q)
+        return proven + ROUNDING if proven else 0.0, reached, q
 
     def _target(self, reached: float) -> float:
         return max((1 + GAP) * reached, ROUNDING)
 
     def _halves(
-        self, k: int | None, far: Array, cap: float, boxes: _Cells, reached: float
-    ) -> tuple[_Cells, Array, Array]:
+        self, k: int | None, far: Array, cap: float, boxes: Records, reached: float
+    ) -> tuple[Records, Array, Array]:
         """What is left of boxes, in halves; centres that exceed, farthest first, and how far."""
         target, weight = self._target(reached), self.watched.weight
         kept = np.where(np.arange(len(far)) == k, target, np.minimum(far, 1e9))
         kept = np.full(len(far), target) if k is None else kept
-        c, r = self._trimmed(boxes.C, boxes.R, kept)
-        x = boxes.moved(c, r)
+        x = boxes.copy()
+        x.C, x.R = c, r = self._trimmed(boxes.C, boxes.R, kept)
         reach: Array = np.sqrt((r * weight) ** 2 @ self.used.T)
         each = two_sided(self.watched.conditions.zeros, c, each=True).each
         low, known = each[..., 0], each[..., 1]
@@ -825,10 +806,7 @@ class _Search:
         x, low, known, reach = x[alive], low[alive], known[alive], reach[alive]
         found = self.bounds.of(x.C, x.R)
         open_ = found.most > 1
-        x, low, known, reach, center, first, pull = (
-            x[open_],
-            *(y[open_] for y in (low, known, reach, found.center, found.first, found.pull)),
-        )
+        x, low, known, reach, found = (y[open_] for y in (x, low, known, reach, found))
         # Where the lower bounds decide nothing else, closer upper ones do not either.
         up, over, steps = self._upper(x, known, reach)
         least = np.where(self.surfaces, low, up)
@@ -838,21 +816,22 @@ class _Search:
             rows = np.flatnonzero(closer)
             near = x[rows]
             look(near)
-            x.points[rows], x.slack[rows], x.asked[rows] = near.points, near.slack, near.asked
+            x[rows] = near
             up[rows], over[rows], steps[rows] = self._upper(near, known[rows], reach[rows])
             x.ceiling[:] = np.minimum(x.ceiling, self._objective(k, far, over))
             closer &= x.ceiling > target
-        guess = np.where(center > 1, self._objective(k, far, up), -np.inf)
+        guess = np.where(found.center > 1, self._objective(k, far, up), -np.inf)
         farther = np.flatnonzero(guess > reached)
         guess[farther[~self.region.holds(x.C[farther])]] = -np.inf
         best = np.argsort(-guess, kind="stable")[: 10 * self.best]
-        j = self._longest(x.R, up, over, steps, kept, BoxSpeeds(center, first, center, pull))
-        half, open_ = np.eye(self.arm.n)[j] * x.R / 2, x.ceiling > target
-        both = (x.moved(c, x.R - half)[open_] for c in (x.C - half, x.C + half))
-        return _Cells.joined(both), guess[best], x.C[best]
+        half = np.eye(self.arm.n)[self._longest(x.R, up, over, steps, kept, found)] * x.R / 2
+        made = x[np.tile(np.arange(len(x)), 2)]
+        made.R -= np.concatenate([half, half])
+        made.C += np.concatenate([-half, half])
+        return made[made.ceiling > target], guess[best], x.C[best]
 
     def _upper(
-        self, x: _Cells, known: Array | float = np.inf, reach: Array | float = 0.0
+        self, x: Records, known: Array | float = np.inf, reach: Array | float = 0.0
     ) -> tuple[Array, Array, Array]:
         """Upper bounds (N, F) of distances of centres, and of all of boxes; the ways to points.
 
@@ -865,7 +844,7 @@ class _Search:
         over = np.fmin((end + x.slack) * (1 + ROUNDING), known + reach)
         return np.fmin(way + x.slack, known), over, steps
 
-    def _follow(self, x: _Cells, only: int | None = None, share: float = 0.0) -> None:
+    def _follow(self, x: Records, only: int | None = None, share: float = 0.0) -> None:
         """Step from centres, or from a share of the way to points of a family, to nearer ones."""
         conditions, families = self.watched.conditions.zeros, range(len(self.each))
         at = X = x.C * (weight := self.watched.weight)
@@ -876,9 +855,10 @@ class _Search:
         for i, f in enumerate(families):
             points = found.points[:, i]
             way = np.linalg.norm((points - at)[:, self.used[f]], axis=1)
-            x.take(f, points, np.maximum(found.each[:, i, 1] - way, 0.0), weight * self.used[f])
+            slack = np.maximum(found.each[:, i, 1] - way, 0.0)
+            _take(x, f, points, slack, weight * self.used[f])
 
-    def _begin_elsewhere(self, x: _Cells) -> None:
+    def _begin_elsewhere(self, x: Records) -> None:
         """Step near the nearest of the points that are known of each surface."""
         # Steps from the centre may lead to a point that is not the nearest. Halves know it, until
         # they are much smaller.
@@ -895,11 +875,11 @@ class _Search:
             # Near a centre of curvature steps gain little from near the point, and miss from afar.
             for share in (0.7, 0.5, 0.3, 0.3, 0.3):
                 self._follow(found, f, share)
-            near.take(f, found.points[:, f], found.slack[:, f], self.watched.weight * own)
-            x.points[some], x.slack[some] = near.points, near.slack
+            _take(near, f, found.points[:, f], found.slack[:, f], self.watched.weight * own)
+            x[some] = near
 
     def _longest(
-        self, r: Array, up: Array, over: Array, steps: Array, kept: Array, speeds: BoxSpeeds
+        self, r: Array, up: Array, over: Array, steps: Array, kept: Array, speeds: Records
     ) -> Ints:
         """Return the joint along which each box is halved."""
         # By what the first order says is sooner true of all of it: that speeds keep their limits,
