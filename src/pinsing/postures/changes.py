@@ -101,22 +101,15 @@ def _values(
 ) -> tuple[list[int], list[Array]]:
     """How many values each joint has within the limits; those nearest to the start, in order."""
     still = chosen.endless | chosen.watched.prismatic | np.isin(np.arange(len(q)), list(held))
-    low, high = (
-        np.where(still, 0.0, x)
-        for x in (
-            np.ceil((chosen.low - ROUNDING - q) / math.tau),
-            np.floor((chosen.high + ROUNDING - q) / math.tau),
-        )
-    )
-    outside = high < low  # whatever the turns
-    first, last = (np.where(outside, 0, x).astype(np.int64) for x in (low, high))
+    first = np.ceil((chosen.low - ROUNDING - q) / math.tau)
+    last = np.floor((chosen.high + ROUNDING - q) / math.tau)
+    still |= last < first  # outside whatever the turns
+    first, last = (np.where(still, 0, x).astype(np.int64) for x in (first, last))
     middle = np.clip(np.round((start - q) / math.tau), first, last).astype(np.int64)
     each = []
     for j, x in enumerate(q):
-        turns = np.arange(
-            max(first[j], middle[j] - _LOOKED // 2), min(last[j], middle[j] + _LOOKED // 2) + 1
-        )
-        values = x + math.tau * turns
+        near = np.clip([middle[j] - _LOOKED // 2, middle[j] + _LOOKED // 2], first[j], last[j])
+        values = x + math.tau * np.arange(near[0], near[1] + 1)
         if first[j] < last[j]:
             values = np.clip(values, chosen.low[j], chosen.high[j])
         each.append(values[np.lexsort((values, np.round(np.abs(values - start[j]), 9)))])

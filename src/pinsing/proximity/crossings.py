@@ -55,7 +55,7 @@ class Motion:
         return place(self.pieces, index, s)
 
     def time(self, u: Array) -> Array:
-        """Times (K,) of places u (K,)."""
+        """Times (...) of places u (...)."""
         index, s = self.split(u)
         return np.asarray(self.t[index] + s * (self.t[index + 1] - self.t[index]))
 
@@ -285,40 +285,36 @@ def crossings(
 
 def crossings_of(watched: Watched, motion: Motion) -> Crossings:
     """All meetings of a motion with watched families."""
-    surfaces: list[TrigSum] = []
-    of_equation: list[int] = []
+    surfaces: list[tuple[int, TrigSum]] = []
     thin: dict[int, list[Branch]] = {}
     for f, family in enumerate(watched.families):
         for branch in family.branches:
             if len(branch.values) + len(branch.equations) > 1:
                 thin.setdefault(f, []).append(branch)
             else:
-                surfaces += sums_of(branch, watched.prismatic, watched.weight)
-                of_equation.append(f)
+                surfaces += [(f, s) for s in sums_of(branch, watched.prismatic, watched.weight)]
     no_values = np.empty(0, dtype=np.int64), np.empty(0)
-    alone = tuple(WeightedBranch(k, *no_values, (s,)) for k, s in enumerate(surfaces))
+    alone = tuple(WeightedBranch(k, *no_values, (s,)) for k, (_, s) in enumerate(surfaces))
     of_one = Conditions(len(alone), watched.weight, watched.conditions.turn, alone)
-    found = _on_surfaces(of_one, of_equation, motion)
+    found = _on_surfaces(of_one, [f for f, _ in surfaces], motion)
     for f, branches in thin.items():
         conditions = Conditions.of([branches], watched.prismatic, watched.weight)
         found += [(u, end, f, "touch") for u, end in _contacts(conditions, motion)]
     found.sort(key=lambda item: item[:3])
     events = []
-    if found:
-        first = np.array([item[0] for item in found])
-        last = np.array([item[1] for item in found])
-        Q, begin, end = motion.at(first), motion.time(first), motion.time(last)
-        for (u, to, f, kind), q, b, e in zip(found, Q, begin, end, strict=True):
-            long = kind == "along" or (kind == "touch" and e > b)
-            if (confirm := watched.families[f].confirm) is not None:
-                # Zeros of the equations at which the arm is not even near-singular are none of it.
-                some = motion.at(np.linspace(u, to, 100 if long else 1))
-                if (ratios(confirm.arm, some) > NEAR_RTOL).all():
-                    continue
-            until = min(float(e), float(motion.t[-1])) if long else float(b)
-            family = watched.families[f]
-            said = family.title, family.where(q)
-            events.append(Crossing(float(b), until, q, watched.names[f], kind, *said))
+    ends = np.array([item[:2] for item in found]).reshape(-1, 2)
+    Q, times = motion.at(ends[:, 0]), motion.time(ends).tolist()
+    for (u, to, f, kind), q, (begin, end) in zip(found, Q, times, strict=True):
+        family = watched.families[f]
+        long = kind == "along" or (kind == "touch" and end > begin)
+        if family.confirm is not None:
+            # Zeros of the equations at which the arm is not even near-singular are none of it.
+            some = motion.at(np.linspace(u, to, 100 if long else 1))
+            if (ratios(family.confirm.arm, some) > NEAR_RTOL).all():
+                continue
+        until = min(end, float(motion.t[-1])) if long else begin
+        said = watched.names[f], kind, family.title, family.where(q)
+        events.append(Crossing(begin, until, q, *said))
     return Crossings(tuple(events), watched.names, watched.complete)
 
 

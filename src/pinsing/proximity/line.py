@@ -79,11 +79,7 @@ class Line:
     def rows(self, arm: Arm, q: Array, s: float) -> tuple[Array, Array, Array]:
         """Return task rows: what is missing (m,) at q to s, Jacobian (m, n), velocity (m,) by s."""
         here, R, J = tip_and_jacobian(arm, q)
-        wanted = pin.exp3(self.axis * s) @ self.turn
-        if arm.task.at_tip:
-            off = turn_left(arm.task, R[None], wanted)[0]
-        else:
-            off = R @ pin.log3(R.T @ wanted)
+        off = turn_left(arm.task, R[None], pin.exp3(self.axis * s) @ self.turn)[0]
         error = np.concatenate([self.start + s * self.along - here, off])
         velocity = np.concatenate([self.along, self.axis])
         found = task_rows(arm, np.column_stack([error, J, velocity]), q, R)

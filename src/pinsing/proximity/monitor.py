@@ -608,8 +608,8 @@ class Reader:
         names, values, rates = list(data), list(data.values()), None
         if "position" in data:
             names, values = data.get("name", list(self._arm.joints)), data["position"]
-            rates = data.get("velocity")
-            self._time(data.get("t", data.get("time", data.get("timestamp"))), data)
+            rates, t = data.get("velocity"), data.get("t", data.get("time", data.get("timestamp")))
+            self._time(t, None, data)
             lists = isinstance(names, list) and isinstance(values, list)
             ConfigurationError.refuse_if(
                 not lists or len(names) != len(values),
@@ -617,7 +617,7 @@ class Reader:
             )
         heads, speeds = self._heads(list(map(str, names))), None
         if "position" not in data:
-            self._time(None if heads.time is None else values[heads.time], data, heads, values)
+            self._time(*_time_in(heads, values), data)
         q = self._values("q", heads, values)
         if rates is not None and rates != []:
             ConfigurationError.refuse_if(
@@ -635,26 +635,15 @@ class Reader:
             )
         return q, speeds
 
-    def _time(
-        self,
-        t: Any,
-        data: Mapping[str, Any],
-        heads: ColumnHeads | None = None,
-        values: Sequence[Any] = (),
-    ) -> None:
-        """Set the time: t, as columns of ``values`` have it, or that of ROS's header in data."""
-        parts, header = None, data.get("header")
-        if t is not None and heads is not None:
-            t = number(t, "the time") * heads.time_scale
-            parts = None if heads.parts is None else values[heads.parts]
-        elif t is None and isinstance(header, Mapping):
-            t = header.get("stamp")
-            if isinstance(t, Mapping):
-                parts = t.get("nanosec", t.get("nsecs", 0))
-                t = number(t.get("sec", t.get("secs")), "the time")
+    def _time(self, t: Any, nanoseconds: Any, data: Mapping[str, Any]) -> None:
+        """Set the time: t and ``nanoseconds``, or that of ROS's header in data."""
+        header = data.get("header")
+        if t is None and isinstance(header, Mapping) and isinstance(t := header.get("stamp"), dict):
+            nanoseconds = t.get("nanosec", t.get("nsecs", 0))
+            t = number(t.get("sec", t.get("secs")), "the time")
         if t is not None:
             t = number(t, "the time")
-            t += 0.0 if parts is None else 1e-9 * number(parts, "the time")
+            t += 0.0 if nanoseconds is None else 1e-9 * number(nanoseconds, "the time")
             require_seconds("the stream", t)
         self.t = t
 
@@ -732,8 +721,16 @@ class Reader:
         if not heads.first or any(words[i].strip(AROUND) != w for i, w in heads.labels.items()):
             heads = ColumnHeads("the stream", self._arm, heads.words, first=words)
         self._columns = heads, separator
-        self._time(None if heads.time is None else words[heads.time], {}, heads, words)
+        self._time(*_time_in(heads, words), {})
         return self._values("q", heads, words), None
+
+
+def _time_in(heads: ColumnHeads, values: Sequence[Any]) -> tuple[float | None, Any]:
+    """Seconds as the columns of ``values`` have them, and nanoseconds beside them, if any."""
+    if heads.time is None or values[heads.time] is None:
+        return None, None
+    nanoseconds = None if heads.parts is None else values[heads.parts]
+    return number(values[heads.time], "the time") * heads.time_scale, nanoseconds
 
 
 def _once(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
