@@ -65,9 +65,6 @@ from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.nominal import flatten, nominal
 from pinsing.robot.task import POSE, POSITION
 
-_AROUND = 0.1
-"""Joint distance within which a start that stalled says nothing more than the solution there."""
-_ITERATIONS = 60
 _STEP = 0.7
 
 
@@ -115,7 +112,8 @@ class Solver:
     def doubt(self, solutions: Array) -> str:
         """Return the doubts that solutions (K, n) are all; empty if there are none."""
         gaps = self.arm.space.wrap(self._stalled[:, None, :-1] - solutions)
-        left = self._stalled[(np.abs(gaps).max(axis=2) > _AROUND).all(axis=1), -1]
+        # Beside a solution a start that stalled says nothing more than that.
+        left = self._stalled[(np.abs(gaps).max(axis=2) > 0.1).all(axis=1), -1]
         if not len(left):
             return ""
         count = f"{len(left)} start{'s' * (len(left) != 1)}"
@@ -139,7 +137,7 @@ class Solver:
         error, J = self.linear(Q)
         cost = (error**2).sum(axis=1)
         alive = np.isfinite(cost)
-        for _ in range(_ITERATIONS):
+        for _ in range(60):
             live = np.flatnonzero(alive)
             if not len(live):
                 break
@@ -752,8 +750,6 @@ def _held(arm: Arm, fixed: Mapping[str, float]) -> Array:
 
 _NEAR = 1e-2
 """Residual from which a few Newton steps lead to a solution, if there is one."""
-_BESIDE = 0.05
-"""Radians within which a solution continues that of a neighbouring pose."""
 _ROWS = 5_000
 """Poses in one call of EAIK: some megabytes."""
 Progress = Callable[[int, int], None]
@@ -865,7 +861,8 @@ class InverseMany:
             """Continue solutions (M, S, n) of neighbours to the nodes ``to`` that lack them."""
             source, there = _filled(source).copy(), _filled(Q[to])
             gaps = np.abs(self.arm.space.wrap(source[:, :, None] - there[:, None])).max(axis=-1)
-            source[(gaps < _BESIDE).any(axis=2)] = np.nan  # known there; NaN is near nothing
+            # A solution within 0.05 rad continues that of a neighbour; NaN is near nothing.
+            source[(gaps < 0.05).any(axis=2)] = np.nan
             lacking = np.isfinite(source[..., 0]).any(axis=1)
             to, source = tuple(x[lacking] for x in to), source[lacking]
             if values is not None:

@@ -367,10 +367,6 @@ def scale_rows(arm: Arm, J: Array, Q: Array, R: Array | None = None) -> Array:
     return np.asarray(task_rows(arm, J, Q, R) * factor[:, None])
 
 
-_RANK_SAMPLES = 6
-_SIZE_SAMPLES = 15
-
-
 class Measured(NamedTuple):
     """What is measured at N configurations."""
 
@@ -417,7 +413,7 @@ def generic_rank(arm: Arm) -> int:
     # about one at the arm's own scale: the task's rows may be nothing but rounding. So where the
     # last one is 1e-6 of that, and of the task's sigma_1, at a single configuration, J has full
     # rank there, and thereby at almost every one.
-    sigma = Batch(arm, PINOCCHIO).own_sigma(random_turns(arm, _RANK_SAMPLES))
+    sigma = Batch(arm, PINOCCHIO).own_sigma(random_turns(arm, 6))
     if (sigma[:, -1] > ALIKE * np.maximum(sigma[:, 0], 1.0)).any():
         rank = min(len(arm.task.rows), arm.n)
     elif arm.coupling is not None:
@@ -437,7 +433,7 @@ def task_size(arm: Arm) -> float:
     """Return the median of sigma_1 at the arm's own scale; 0 for ``pose``, which never vanishes."""
     if arm.task.name == "pose":
         return 0.0
-    found = Batch(arm, PINOCCHIO).own_sigma(random_turns(arm, _SIZE_SAMPLES))
+    found = Batch(arm, PINOCCHIO).own_sigma(random_turns(arm, 15))
     return float(np.median(found[:, 0]))
 
 

@@ -34,8 +34,6 @@ from pinsing.robot.arm import Arm
 TIP_SPEED, TURN_SPEED = 0.25, 0.5
 """Tip speeds that are judged by default, m/s and rad/s: the first is the reduced speed of
 ISO 10218-1."""
-_MOST_FACETS = 100_000
-"""Facets that are looked at: a second."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,14 +85,10 @@ def limits_of(arm: Arm) -> Array:
     return np.where((limits > 0) & (limits < 1e6), limits, np.inf)
 
 
-_FASTEST = 50.0
-"""Metres a second; parallel robots reach 10."""
-
-
 def check_speeds(tip_speed: float, turn_speed: float) -> None:
     """Raise OptionError unless speeds are from 0 to a million, not both zero, and none in mm/s."""
     OptionError.refuse_if(
-        _FASTEST < tip_speed <= 1e6,
+        50.0 < tip_speed <= 1e6,  # parallel robots reach 10 m/s
         f"tip speeds are in m/s, and {tip_speed:g} m/s is faster than any arm: "
         f"{tip_speed:g} mm/s are {tip_speed / 1000:g}",
     )
@@ -138,7 +132,7 @@ class SpeedJudge:
                 f"the arm cannot move its tip in every direction of the task {arm.task} "
                 f"({self.rank} of {self.basis.shape[1]}): choose one that it can, such as {fewer}"
             )
-        elif math.comb(arm.n, max(self.rank - 1, 0)) > _MOST_FACETS:
+        elif math.comb(arm.n, max(self.rank - 1, 0)) > 100_000:  # facets, a second
             self.reason = f"{arm.n} joints are too many"
 
     def rows(self, J: Array, Q: Array) -> Array:

@@ -42,9 +42,6 @@ from pinsing.proximity.trajectory import AspectChange, angle_text
 from pinsing.robot.arm import Arm, ArmSummary
 from pinsing.robot.nominal import nominal
 
-_PIECES = (2_000, 20_000)
-
-
 PROVEN, PROBABLE, NOT_COMPLETE = "proven", "probable", "not complete"
 
 
@@ -79,7 +76,7 @@ def of_design(forms: Forms) -> list[str]:
 def proven_regular(forms: Forms, path: Array) -> bool:
     """Return True if the rank along a path is proven from the Jacobian, for each form's task."""
     # Given up early where the families are probably all: then it is no more than a second proof.
-    most = _PIECES[sureness(forms) == NOT_COMPLETE]
+    most = 20_000 if sureness(forms) == NOT_COMPLETE else 2_000
     arms = [form.loaded for form in each_of(forms)]
     return all(arm and arm.coupling is None and regular_way(arm, path, most) for arm in arms)
 
@@ -115,8 +112,6 @@ WORK = 5.0
 posture are decided, with 20 hardly more."""
 LISTED = 256
 """Aspects that are listed one by one; the rest are only counted."""
-
-_EXAMPLES = 192
 
 
 @dataclass(frozen=True, eq=False)
@@ -390,7 +385,7 @@ def _listed(chosen: Map, form: ClosedForm) -> Iterator[Aspect]:
     for place in islice(product(*chosen.components), LISTED):
         where: list[str] = []
         signs: dict[str, int] = {}
-        Q = np.zeros((_EXAMPLES, chosen.watched.n))
+        Q = np.zeros((192, chosen.watched.n))  # of which the clearest is given
         for piece, component in place:
             x = piece.examples(component)
             Q[:, list(piece.part.joints)] = x[np.append(0, rng.integers(0, len(x), len(Q) - 1))]

@@ -51,19 +51,13 @@ _MARGIN = 0.01
 """Radians below the path on a part of the grid at which that on the whole is looked for first."""
 _THINNED = 6
 """One value and one pose in so many are looked at first."""
-_ENOUGH = np.radians(0.5)
-"""Radians between the path and the bound at which values are no longer divided."""
 _FOUND = {
     **dict.fromkeys(("clear", "likely", "highest"), -np.inf),
     **{"between": np.inf, "seen": True},
 }
 """What is found out of each node, and what there is without one."""
-_HALVED = 6
-"""Times that a motion between poses is halved to prove it clear."""
 _LONG = 20_000
 """Motions that are halved at most, of those looked at where there is no path without them."""
-_SHOWN = 100_000
-"""Nodes at most whose clearance is estimated for pictures alone: half a second."""
 _COARSE = 40, np.radians(10.0)
 """Poses, and the distance of values of what is free, at which placements are compared."""
 
@@ -415,7 +409,7 @@ class _Planner:
         if not isinstance(chosen, str):
             (proven, where), reached = self._proven(chosen[1]), self.reached
         bound, parts, idle = max(self.relaxed, proven), [self], 0
-        while bound > reached + _ENOUGH and parts:
+        while bound > reached + np.radians(0.5) and parts:
             if (part := parts[-1].finer(reached, bound)) is None:
                 parts.pop()
                 continue
@@ -463,7 +457,7 @@ class _Planner:
         )
         likely = np.where(usable, likely, -np.inf)
         more = usable & ~seen & (highest > likely.max(axis=2, keepdims=True))
-        every = 1 + int(more.sum()) // _SHOWN
+        every = 1 + int(more.sum()) // 100_000  # half a second
         likely, more = likely[::every], more[::every]
         q = self.Q.reshape(*shape, -1)[::every][more]
         likely[more] = np.minimum(highest[::every][more], self._closest(q)[0])
@@ -778,8 +772,7 @@ class _Planner:
         N, M = self.clear.shape
         self.crowded: Bool = np.zeros(N, dtype=bool)
         nodes = np.stack([self.likely[0], self._room(0)])[..., None]
-        begin = self.first[:, None] & self._within(0, np.arange(M))
-        best = np.where(begin, nodes, -np.inf)
+        best = np.where(self.first[:, None] & self._within(0, np.arange(M)), nodes, -np.inf)
         back: list[tuple[Ints, Ints]] = []
         self.through, reason = np.full((N, M), -np.inf), ""
         self.through[0] = best[1].max(axis=-1)
@@ -788,10 +781,10 @@ class _Planner:
             room = self._room(k)
             here = np.flatnonzero((room > -np.inf) & (room >= floor))
             self._pool(k, here, floor)
-            source = self._sources(k, here)
+            source, far = self._sources(k, here)
             led = (self.through[k - 1, source] > -np.inf).any(axis=0)
-            here, source = here[led], source[:, led].copy()
-            new, from_, other = self._onward(k, here, source, best, room, floor)
+            here, begin = here[led], (source[:, led].copy(), far[:, led].copy())
+            new, from_, other = self._onward(k, here, begin, best, room, floor)
             if not (reason or np.isfinite(new).any()):
                 reason = "none" if self.edges else self._why(k, best[0])
             best = np.full(best.shape, -np.inf)
@@ -812,17 +805,15 @@ class _Planner:
         return np.divmod(path, best.shape[2])
 
     def _onward(
-        self, k: int, here: Ints, source: Ints, best: Array, room: Array, floor: float
+        self, k: int, here: Ints, begin: tuple[Ints, Bool], best: Array, room: Array, floor: float
     ) -> tuple[Array, Ints, Array]:
-        """Return what paths from ``source`` (D, M) to nodes ``here`` (M,) have, whence, relaxed."""
+        """Return what paths from `_sources` to nodes ``here`` (M,) have, whence, relaxed."""
         # Each is (M, T); ``best`` (2, M, T) is what they have at the pose before.
         new, other = np.empty((2, len(here), len(self.turns)))
         from_ = np.empty(new.shape, dtype=np.int64)
         nodes = self.likely[k, here], room[here], self._within(k, here)
         states = best, *nodes, floor, _MARGIN, new, from_, other
-        proofs, bounds = self._motions(k, here).onward(
-            source, self._is_far(k, here, source), *states
-        )
+        proofs, bounds = self._motions(k, here).onward(*begin, *states)
         long = proofs[3] >= 0
         keep = np.ones(len(long), dtype=bool)
         if self.long and not self.edges:  # between values that are not all alike
@@ -882,30 +873,27 @@ class _Planner:
         points = found.points / self.watched.conditions.weight
         return found.upper, points[np.arange(len(Q)), found.each[..., 1].argmin(axis=1)]
 
-    def _sources(self, k: int, here: Ints) -> Ints:
-        """Return nodes (D, M) before pose k at which motions to nodes ``here`` (M,) begin."""
+    def _sources(self, k: int, here: Ints) -> tuple[Ints, Bool]:
+        """Return nodes (D, M) before pose k at which motions to nodes ``here`` (M,) begin.
+
+        And which of these motions only bound other paths: beyond ``window`` values.
+        """
+        pool = self.edges[k][:, here] if self.edges else self.pool[k]
+        if pool is not None:
+            every = pool if self.edges else pool[:, None].repeat(len(here), axis=1)
+            source = every.astype(np.int64, order="C")
+            off = self.values[k, here] - self.values[k - 1][source]
+            off -= 2 * np.pi * np.rint(off / (2 * np.pi)) if self.cyclic else 0.0
+            return source, np.asarray(np.abs(off) > self.reach + ROUNDING)
         # Those of the same branch up to ``window`` values away, and last the next ones.
-        if self.edges:
-            return self.edges[k][:, here].astype(np.int64, order="C")
-        if (pool := self.pool[k]) is not None:
-            return np.repeat(pool[:, None], len(here), axis=1)
         whole, ends = self.slots * self.long, [self.before[k, here]] * 2
         found = [ends[0], *self.before[k][self.beside[k][:, here]]]
         found += [here // whole * whole + s for s in range(whole)]
         for _ in range(self.window + 1 if len(self.grid) > 1 else 0):
             ends = [side[end] for side, end in zip(self.beside[k - 1], ends, strict=True)]
             found += ends
-        return np.array(found, dtype=np.int64)
-
-    def _is_far(self, k: int, here: Ints, source: Ints) -> Bool:
-        """Which motions only bound other paths: beyond ``window`` values."""
-        if not self.edges and self.pool[k] is None:
-            far = np.zeros(source.shape, dtype=bool)
-            far[len(far) - 2 * (len(self.grid) > 1) :] = True
-            return far
-        off = self.values[k, here] - self.values[k - 1][source]
-        off -= 2 * np.pi * np.rint(off / (2 * np.pi)) if self.cyclic else 0.0
-        return np.asarray(np.abs(off) > self.reach + ROUNDING)
+        far = np.arange(len(found)) >= len(found) - 2 * (len(self.grid) > 1)
+        return np.array(found, dtype=np.int64), np.repeat(far[:, None], len(here), axis=1)
 
     def _within(self, k: int, here: Ints) -> Bool:
         """Which turns of nodes (M,) of pose k a path may have, and one between (2, M, T)."""
@@ -936,26 +924,20 @@ class _Planner:
         if len(self.grid) < 2 or self.idle:
             return None
         least, clear = max(reached + BISECTED, self.floor), self.clear
-        wide = np.array([len(self._sources(max(k, 1), np.arange(1))) for k in range(N)])
+        wide = np.array([len(self._sources(max(k, 1), np.arange(1))[0]) for k in range(N)])
         nodes = np.minimum(self.most // N, self.motions // (3 * wide * N))  # at each pose
-
-        def too_many() -> bool:
-            return bool(((alive + 2 * split).sum(axis=1) > nodes).any())
-
-        passing, low, high = self._passed(least), least, bound
-        while True:
-            alive = passing > least
-            split = alive & (clear < bound) & (self.way > PRACTICAL)
-            split[0] &= self.start is None
-            if too_many():
-                split[np.where(alive, clear, 0.0).max(axis=1) >= bound] = False
-            if not (many := too_many()) and least - low <= _MARGIN:
-                break
-            low, high = (least, high) if many else (low, least)
-            if high - low < PRACTICAL:
-                return None
-            least = (low + high) / 2
-        if not split.any() or not alive.any(axis=1).all():
+        passing = self._passed(least)
+        alive = passing > least
+        split = alive & (clear < bound) & (self.way > PRACTICAL)
+        split[0] &= self.start is None
+        if ((alive + 2 * split).sum(axis=1) > nodes).any():
+            split[np.where(alive, clear, 0.0).max(axis=1) >= bound] = False
+            order = np.argsort(-passing, axis=1)
+            size = np.take_along_axis(alive + 2 * split, order, axis=1).cumsum(axis=1)
+            left_out = np.take_along_axis(passing, order, axis=1)[size > nodes[:, None]]
+            least = max(least, float(left_out.max(initial=-np.inf)))
+            alive, split = alive & (passing > least), split & (passing > least)
+        if least > bound - PRACTICAL or not split.any() or not alive.any(axis=1).all():
             return None
         pose, at = np.nonzero(alive)
         pieces = np.full((len(pose), 5, n), np.nan)
@@ -1014,7 +996,7 @@ class _Planner:
             here = at[start[k] : start[k + 1]]
             spans = out.values[k, : len(here)], out.half[k, : len(here)], out.values[k - 1]
             how = out.half[k - 1], self.reach + ROUNDING, self.cyclic, most - 1, out.before[k]
-            edges = engine.module().divided(self._sources(k, here), part[k - 1], *spans, *how)
+            edges = engine.module().divided(self._sources(k, here)[0], part[k - 1], *spans, *how)
             out.edges.append(edges.reshape(-1, len(here)))
         out.step = np.zeros((N, most))
         out.step[pose, slot] = self._length(q - out.Q[pose - 1, out.before[pose, slot]])
@@ -1063,7 +1045,7 @@ class _Planner:
                 here = np.flatnonzero(passing[k] > least)
                 onward = np.full(passing.shape[1], -np.inf)
                 ends = self.through[k - 1], passing[k, here], self._room(k)[here]
-                motions, source = self._motions(k, here), self._sources(k, here)
+                motions, source = self._motions(k, here), self._sources(k, here)[0]
                 *near, value = motions.onward_back(source, *ends, least, onward)
                 np.maximum.at(onward, near[1], np.minimum(value, self._cap(k, here, *near)))
                 passing[k - 1] = np.minimum(passing[k - 1], onward)
@@ -1166,7 +1148,7 @@ class _Planner:
         """Which motions (M, n) from q (M, n), clear at both ends, are proven so by halving."""
         out: Bool = np.ones(len(q), dtype=bool)
         edge = np.arange(len(q))
-        for _ in range(_HALVED):
+        for _ in range(6):
             left = ends[0] + ends[1] <= self._size(move)
             out[edge[left & (np.minimum(*ends) <= 0)]] = False
             left &= out[edge]

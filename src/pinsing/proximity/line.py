@@ -38,7 +38,7 @@ from pinsing.proximity.trajectory import (
 )
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 
-_LONGEST, _FIRST, _SHORTEST = 0.02, 1e-3, 1e-10
+_LONGEST, _FIRST = 0.02, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +125,7 @@ def track(arm: Arm, line: Line, q: Array) -> Tracked:
         passed.append((s, q, rate))
         step = min(2 * step, _LONGEST / max(float(np.abs(rate).max()), _LONGEST * 20), 1.0 - s)
         ahead = None
-        while ahead is None and step >= _SHORTEST:
+        while ahead is None and step >= 1e-10:
             ahead = _step(arm, line, scale, q, s + step, step * rate)
             step = step if ahead is not None else step / 2
         if ahead is None:

@@ -296,9 +296,6 @@ def _advice(check: TrajectoryCheck, robot: str, degrees: bool) -> str:
     return ""
 
 
-_LONG_JUMP, _SHORT_JUMP = np.pi, 0.2
-
-
 @dataclass(frozen=True)
 class Excess:
     """A stretch of time in which a joint exceeds something.
@@ -362,8 +359,8 @@ class Speeds:
         slides = self.arm.prismatic
         far = np.where(slides, self.arm.length_scale, 1.0)
         often = 20.0 * np.median(step, axis=0) if len(step) > 8 else np.inf
-        bound = np.maximum(_SHORT_JUMP * far, often)
-        bound = np.minimum(bound, np.where(slides, np.inf, _LONG_JUMP))
+        # A step of over half a turn is a jump, one below 0.2 rad is none.
+        bound = np.minimum(np.maximum(0.2 * far, often), np.where(slides, np.inf, np.pi))
         self._keep("jump", before, after, step, step, bound, step > bound)
         if self.timed:
             speed = step / (after - before)[:, None]

@@ -226,11 +226,6 @@ def require_zones_of(
     )
 
 
-_ROUNDS, _MORE_ROUNDS, _CLOSE = 2, 13, 0.9
-"""Choices of a right inverse that are looked at, and how many where a share is above the last; of
-one joint to spare the best one is known there."""
-
-
 Records: TypeAlias = Any
 """An np.recarray: named numbers of each of N boxes."""
 
@@ -304,12 +299,14 @@ class SpeedBounds:
         order. ``most`` (N,): proven for all of the box; infinite where not, or over 1. ``pull``
         (N, n): how much of the bound is due to the width of each joint.
         """
-        found = self._of(C, R, _ROUNDS)
-        # Speeds that are least at the centre change more than others do in all of a wide box.
-        close = np.flatnonzero((found.most > 1) & (found.center > _CLOSE))
+        # Two choices of a right inverse are looked at, and 13 where limits are nearly reached:
+        # speeds that are least at the centre change more than others do in all of a wide box. Of
+        # one joint to spare the best choice is known.
+        found = self._of(C, R, 2)
+        close = np.flatnonzero((found.most > 1) & (found.center > 0.9))
         spare = len(self.far) - len(self.rows)
         if spare and len(close):
-            found[close] = self._of(C[close], R[close], _MORE_ROUNDS if spare > 1 else 0)
+            found[close] = self._of(C[close], R[close], 13 if spare > 1 else 0)
         return found
 
     def _of(self, C: Array, R: Array, rounds: int) -> Records:
@@ -749,9 +746,7 @@ class _Search:
         lower = np.reshape([near.lower for near in found], (len(found), len(Q))).T
         return lower, np.reshape([near.q for near in found], (-1, self.arm.n))
 
-    def _least(
-        self, k: int | None, far: Array, what: str, most: int
-    ) -> tuple[float, float, Array]:
+    def _least(self, k: int | None, far: Array, what: str, most: int) -> tuple[float, float, Array]:
         """Return the least distance of family k (of all), those of the others being ``far``.
 
         It is proven; then how far one is that exceeds a limit, and that configuration.
