@@ -18,13 +18,6 @@ from urdf_texts import XACRO, joint
 
 import pinsing
 from pinsing.description import catalog
-from pinsing.description.catalog import (
-    data_folder,
-    find_robot,
-    known_arms,
-    known_robots,
-    locate_robot,
-)
 from pinsing.description.dh_table import bare_urdf, known_table
 from pinsing.errors import PinsingError, RobotFileError, UnknownNameError
 from pinsing.proof.checker import verify
@@ -40,8 +33,8 @@ OWN = {"stanford", "surgical7", "puma560", "irb1400", "iiwa14", "planar3r", "sca
 
 
 def test_every_file_has_a_name_and_every_name_a_file():
-    entries = known_robots()
-    folder = data_folder()
+    entries = catalog.known_robots()
+    folder = catalog.data_folder()
     files = set(folder.rglob("*.urdf"))
     assert len(files) >= 69
     assert files <= {entry.path for entry in entries.values()}
@@ -62,42 +55,42 @@ def test_every_file_has_a_name_and_every_name_a_file():
     assert "take ur3" in entries["ur_ur3"].note
     assert entries["stanford"].title == "Stanford arm"
     for name in (*LOADERS, *OWN):  # found at once
-        assert find_robot(name) == entries[name]
+        assert catalog.find_robot(name) == entries[name]
         assert (entries[name].source == "pinsing") == (name in OWN)
 
 
 def test_what_a_user_means(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    found = locate_robot("ur5")
+    found = catalog.locate_robot("ur5")
     assert not isinstance(found, Path)
     assert found.name == "ur5"
     (tmp_path / "panda").mkdir()
-    assert not isinstance(locate_robot("panda"), Path)
+    assert not isinstance(catalog.locate_robot("panda"), Path)
     (tmp_path / "ur5").write_text("<robot/>")
-    assert locate_robot("ur5") == Path("ur5")
-    assert locate_robot(tmp_path / "ur5") == tmp_path / "ur5"
-    assert locate_robot(str(tmp_path)) == tmp_path
-    assert locate_robot("CRX-10iA/L").name == "crx10ia_l"
+    assert catalog.locate_robot("ur5") == Path("ur5")
+    assert catalog.locate_robot(tmp_path / "ur5") == tmp_path / "ur5"
+    assert catalog.locate_robot(str(tmp_path)) == tmp_path
+    assert catalog.locate_robot("CRX-10iA/L").name == "crx10ia_l"
     (tmp_path / "CRX-10iA").mkdir()
     (tmp_path / "CRX-10iA" / "L").write_text("<robot/>")
-    assert locate_robot("CRX-10iA/L") == Path("CRX-10iA/L")
+    assert catalog.locate_robot("CRX-10iA/L") == Path("CRX-10iA/L")
     plain = ("ur5.urdf", "./ur10", "./g1", "double/pendulum", "x/y", "my.XACRO")
     for path in (*plain, Path("double_pendulum"), Path("ur10")):
         with pytest.raises(RobotFileError, match="no such file") as caught:
-            locate_robot(path)
+            catalog.locate_robot(path)
         assert caught.value.path == Path(path)
     for text in ("a\0b", "~"):
         with pytest.raises(RobotFileError):
-            locate_robot(text)
-    assert locate_robot("") == Path()
+            catalog.locate_robot(text)
+    assert catalog.locate_robot("") == Path()
 
 
 def test_without_the_data_package(monkeypatch):
     monkeypatch.setattr(sys, "path", ["", str(Path(__file__).parent)])
-    assert data_folder() is None
-    assert set(known_robots()) >= OWN
+    assert catalog.data_folder() is None
+    assert set(catalog.known_robots()) >= OWN
     with pytest.raises(UnknownNameError):
-        find_robot("ur5")
+        catalog.find_robot("ur5")
 
 
 # Arms of ``urdf/arms.yaml``: their tables say what other descriptions of the same arms say ---
@@ -105,7 +98,7 @@ def test_without_the_data_package(monkeypatch):
 HERE = Path(__file__).parent
 NAMES, DESCRIBED = (Golden(HERE / "said" / f"{name}.txt") for name in ("names", "described"))
 SECOND = yaml.load((HERE / "arms_second_source.yaml").read_text(), Loader=yaml.CSafeLoader)
-TABLES = sorted(name for name, arm in known_arms().items() if "rows" in arm)
+TABLES = sorted(name for name, arm in catalog.known_arms().items() if "rows" in arm)
 DOCS = HERE.parents[1] / "docs"
 PAGE = (DOCS / "arms.md").read_text()
 QUICK = ("crx10ia_l", "epson_gx4")
@@ -160,16 +153,16 @@ def test_forward_kinematics_agree_with_another_description(name: str) -> None:
 
 
 def test_entries_are_whole():
-    for name, arm in known_arms().items():
+    for name, arm in catalog.known_arms().items():
         assert {"maker", "model", "known_for", "reach"} < set(arm)
         assert ("source" in arm) == ("rows" in arm) != ("joints" in arm), name
     assert len(TABLES) >= 50
     assert set(SECOND) <= set(TABLES)
-    assert all(f"\n|{name}|" in PAGE for name in known_arms())
-    entry = known_robots()["xarm7"]
+    assert all(f"\n|{name}|" in PAGE for name in catalog.known_arms())
+    entry = catalog.known_robots()["xarm7"]
     assert (entry.source == "example-robot-data") == (catalog.data_folder() is not None)
     for name in TABLES:
-        reach = known_arms()[name]["reach"]
+        reach = catalog.known_arms()[name]["reach"]
         ends = placements(name, configurations(name, 100))
         far = max(np.hypot(*end.translation[:2]) for end in ends)
         assert 0.5 * reach < far < reach + 0.001, name
@@ -197,7 +190,7 @@ def test_a_rebuilt_chain_keeps_names_limits_and_speeds():
 def test_names_are_found_as_people_write_them(head: str) -> None:
     """And those of arms of the same kind are suggested first."""
     try:
-        entry = locate_robot(head)
+        entry = catalog.locate_robot(head)
     except UnknownNameError as error:
         NAMES.hold(head, str(error))
     else:
@@ -232,7 +225,7 @@ def test_tool0_has_the_axes_of_its_maker(makers: str, rpy: tuple[float, float, f
     """At zero, as pendants show it and the descriptions named as sources have it."""
     other = {"iiwa7": (0, 0, 0), "hc10": (180, 0, 0)}
     for name in TABLES:
-        if known_arms()[name]["maker"].split()[0] in makers.split():
+        if catalog.known_arms()[name]["maker"].split()[0] in makers.split():
             zero = placements(name, 0 * configurations(name, 1))[0]
             expected = pin.rpy.rpyToMatrix(*np.radians(other.get(name, rpy)))
             np.testing.assert_allclose(zero.rotation, expected, atol=1e-9, err_msg=name)

@@ -101,6 +101,9 @@ def random_table(rng: np.random.Generator) -> str:
         metres = 0.0 if rng.random() < 0.4 else float(rng.uniform(-0.6, 0.6))
         return repr(metres * (1000 if mm else 1))
 
+    def row() -> str:
+        return f"alpha: {angle()}, a: {length()}, d: {length()}, theta: {angle()}"
+
     lines = [
         "name: random", f"convention: {rng.choice(['standard', 'modified'])}",
         f"units: {{angle: {'deg' if degrees else 'rad'}, length: {'mm' if mm else 'm'}}}", "rows:",
@@ -108,18 +111,11 @@ def random_table(rng: np.random.Generator) -> str:
     for _ in range(rng.integers(1, 9)):
         kind = rng.choice(["revolute", "prismatic", "continuous"], p=[0.6, 0.25, 0.15])
         limits = "" if kind == "continuous" else ", limits: [-1, 2.5]"
-        lines.append(
-            f"  - {{alpha: {angle()}, a: {length()}, d: {length()}, theta: {angle()}, "
-            f"type: {kind}{limits}}}"
-        )
-    match rng.integers(3):
-        case 1:
-            xyz = ", ".join(length() for _ in range(3))
-            lines.append(f"tool: {{xyz: [{xyz}], rpy: [{angle()}, {angle()}, {angle()}]}}")
-        case 2:
-            lines.append(
-                f"tool: {{alpha: {angle()}, a: {length()}, d: {length()}, theta: {angle()}}}"
-            )
+        lines.append(f"  - {{{row()}, type: {kind}{limits}}}")
+    xyz, rpy = ([of() for _ in range(3)] for of in (length, angle))
+    places = "", f"xyz: [{', '.join(xyz)}], rpy: [{', '.join(rpy)}]", row()
+    place = places[rng.integers(3)]
+    lines += [f"tool: {{{place}}}"] * bool(place)
     return "\n".join(lines) + "\n"
 
 

@@ -161,23 +161,22 @@ def elsewhere(tmp_path) -> Path:
     return path
 
 
-def test_package_by_the_environment(package, elsewhere, tmp_path, monkeypatch):
+def test_package_by_the_environment_and_by_a_search_upward(
+    package, elsewhere, tmp_path, monkeypatch
+):
     for value in (package.parent, package, f"/no/such/folder:{package.parent}:"):
         monkeypatch.setenv("ROS_PACKAGE_PATH", str(value))
         assert load(elsewhere).n == 2
     monkeypatch.delenv("ROS_PACKAGE_PATH")
+    for folder in (package / "urdf" / "deep", package.parent / "other_package"):  # upward
+        folder.mkdir()
+        (folder / "robot.xacro").write_text(WHOLE)
+        assert load(folder / "robot.xacro").n == 2
     share = tmp_path / "install" / "share"
     share.mkdir(parents=True)
     package.rename(share / "arm_description")
     monkeypatch.setenv("AMENT_PREFIX_PATH", f"/no/such/folder:{tmp_path / 'install'}")
     assert load(elsewhere).n == 2
-
-
-def test_package_by_a_search_upward(package):
-    for folder in (package / "urdf" / "deep", package.parent / "other_package"):
-        folder.mkdir()
-        (folder / "robot.xacro").write_text(WHOLE)
-        assert load(folder / "robot.xacro").n == 2
 
 
 def test_the_option_wins(package, elsewhere, tmp_path, monkeypatch):

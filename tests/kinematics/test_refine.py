@@ -12,16 +12,7 @@ from tiers import sampled
 from pinsing import closed_form, load
 from pinsing._batch import engine as kernel
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
-from pinsing.kinematics.jacobian import (
-    batch,
-    frame_jacobian,
-    generic_rank,
-    jacobian_derivative,
-    own_scale,
-    singular_values,
-    task_jacobian,
-    tip_placement,
-)
+from pinsing.kinematics import jacobian
 from pinsing.kinematics.refine import (
     approach,
     clear_kinds,
@@ -57,7 +48,7 @@ def test_random_starts_all_arrive(name, rng):
     assert end.converged.all()
     assert end.singular.all()
     assert np.median(end.ratio) < 1e-15
-    sigma = singular_values(arm, end.q)
+    sigma = jacobian.singular_values(arm, end.q)
     np.testing.assert_array_less(sigma[:, -1], 1e-9 * sigma[:, 0])
     # The second but last value tells that ranks are lost one by one, not by a collapse of J.
     assert np.median(end.sigma[:, 0]) > 0.1
@@ -69,11 +60,11 @@ def test_gradient_against_finite_differences(name, rng):
     arm = made(name)
     q = rng.uniform(-1, 1, arm.n)
     B, sigma = constraint_gradient(arm, q)
-    m, r = len(arm.task.rows), generic_rank(arm)
+    m, r = len(arm.task.rows), jacobian.generic_rank(arm)
     assert B.shape == (1, (m - r + 1) * (arm.n - r + 1), arm.n)
-    own = batch(arm).own_sigma  # free of units, as its moves are
+    own = jacobian.batch(arm).own_sigma  # free of units, as its moves are
     np.testing.assert_allclose(sigma, own(q[None])[:, :r], rtol=1e-12)
-    slopes = arms.differences(lambda x: own(x[None])[0, r - 1], q) * own_scale(arm).columns
+    slopes = arms.differences(lambda x: own(x[None])[0, r - 1], q) * jacobian.own_scale(arm).columns
     np.testing.assert_allclose(B[0, 0], slopes, atol=1e-8)
 
 
@@ -109,7 +100,7 @@ def test_minimum_above_zero_is_near_singular():
     assert found.residual == found.sigma[-1]
     grid = np.repeat([found.q], 401, axis=0)
     grid[:, 1] += np.linspace(-0.1, 0.1, 401)
-    assert found.sigma[-1] <= singular_values(arm, grid)[:, -1].min() * (1 + 1e-6)
+    assert found.sigma[-1] <= jacobian.singular_values(arm, grid)[:, -1].min() * (1 + 1e-6)
     start = [0.1, 0.8, 0.4, 1.0, 0.6, 0.5, 0.1]
     assert refine(arm, start, fixed=arm.joints).status == "regular"
 
@@ -164,7 +155,7 @@ def test_compiled_walks_are_those_in_numpy(name, rng, monkeypatch):
 
 @needs_kernel
 def test_compiled_walks_refuse_what_does_not_fit():
-    chain = batch(arms.ur5()).own_chain()
+    chain = jacobian.batch(arms.ur5()).own_chain()
     ok = {
         "Q": np.zeros((2, 6)), "free": np.ones((2, 6), bool), "rows": range(6), "rank": 6,
         "limits": (np.full(6, -1.0), np.ones(6)), "size": 0.0, "max_iterations": 3,
@@ -220,9 +211,9 @@ def test_null_spaces(name, rng):
     arm = arms.textbook(name)
     for start in rng.uniform(-2, 2, (10, arm.n)):
         found = refine(arm, start, ignore_limits=True)
-        J = task_jacobian(arm, found.q)
+        J = jacobian.task_jacobian(arm, found.q)
         lost, N = found.lost, found.self_motion
-        assert lost.shape == (len(J), generic_rank(arm) - found.rank)
+        assert lost.shape == (len(J), jacobian.generic_rank(arm) - found.rank)
         assert N.shape == (arm.n, arm.n - found.rank)
         np.testing.assert_allclose(lost.T @ lost, np.eye(lost.shape[1]), atol=1e-12)
         np.testing.assert_allclose(J.T @ lost, 0, atol=1e-9)
@@ -234,10 +225,10 @@ def test_second_order_form_is_the_second_derivative_of_the_tip():
     arm = arms.textbook("iiwa14", task="position")
     q = refine(arm, [0.3, 0.4, 0.2, 0.05, 0.3, 0.1, 0.2], ignore_limits=True).q
     found = describe_many(arm, [q])[0]
-    u, H = found.lost[:, 0], jacobian_derivative(frame_jacobian(arm, q))[:3]
+    u, H = found.lost[:, 0], jacobian.jacobian_derivative(jacobian.frame_jacobian(arm, q))[:3]
     h = 1e-4
     for n in found.self_motion.T:
-        x = [tip_placement(arm, q + s * h * n).translation for s in (-1, 0, 1)]
+        x = [jacobian.tip_placement(arm, q + s * h * n).translation for s in (-1, 0, 1)]
         second = u @ (x[0] - 2 * x[1] + x[2]) / h**2
         np.testing.assert_allclose(np.einsum("r,rij,i,j", u, H, n, n), second, atol=1e-6)
 

@@ -13,14 +13,6 @@ import pinsing
 from pinsing._batch import engine
 from pinsing.algebra import conditions as search
 from pinsing.algebra.budget import PER_SECOND
-from pinsing.algebra.conditions import (
-    Conditions,
-    JointValue,
-    Nearest,
-    SearchOptions,
-    nearest_points,
-    two_sided,
-)
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
 from pinsing.families import Branch, Family
 from pinsing.families.zero_set import OwnPoints
@@ -78,7 +70,7 @@ def test_bounds_against_points_of_each_family(name: str, count: int) -> None:
                         assert (found.q >= part.limits[0] - 1e-8).all()
                         assert (found.q <= part.limits[1] + 1e-8).all()
                     else:
-                        quick = two_sided(part.conditions(weights, norm), q[None])
+                        quick = search.two_sided(part.conditions(weights, norm), q[None])
                         assert quick.lower[0] <= found.upper + 1e-12
                         assert quick.upper[0] >= found.lower - 1e-12
 
@@ -102,9 +94,9 @@ def test_long_equations_end_a_search_by_their_work(monkeypatch: pytest.MonkeyPat
     conditions = family.conditions(None, "euclidean")
     Q = np.random.default_rng(1).uniform(-3, 3, (4, 7))
 
-    def found(boxes: int | None = None, compiled: bool = True) -> Nearest:
-        options = SearchOptions(gap=1e-9, boxes=boxes)
-        return nearest_points(conditions, Q, *family.limits, options, compiled=compiled)
+    def found(boxes: int | None = None, compiled: bool = True) -> search.Nearest:
+        options = search.SearchOptions(gap=1e-9, boxes=boxes)
+        return search.nearest_points(conditions, Q, *family.limits, options, compiled=compiled)
 
     assert conditions.box == pytest.approx(20 + sum(s.rate.size for s in conditions.sums) / 6)
     monkeypatch.setattr(search, "WORK", 20 * conditions.box / PER_SECOND)
@@ -126,9 +118,9 @@ def test_limits_of_several_turns_and_none(compiled: bool) -> None:
     )
     for turn in (-7.0, -6.2, -3.0, 2.9, 6.2, 7.5, 1e9):
         q = np.array([0, 1, 0.3, 1, turn, 0])
-        options = SearchOptions(within_limits=True)
+        options = search.SearchOptions(within_limits=True)
         for limited, values in ((wide, np.arange(-2, 3)), (endless, np.round(turn / np.pi))):
-            found = nearest_points(
+            found = search.nearest_points(
                 limited.conditions(), q[None], *limited.limits, options, compiled=compiled
             )
             true = np.abs(values * np.pi - turn).min()
@@ -141,10 +133,12 @@ def test_points_beyond_where_a_slide_is_looked_at_count(compiled: bool) -> None:
     """A slide without limits is looked at as far as 100; a point known farther off changes that."""
     none = [0, 0, 0]
     e = terms((none, [0, 1, 0], 1, 0), (none, none, -0.15, 0), ([2, 0, 0], none, 0.001, 0))
-    families = [[Branch((), (e,))], [Branch((JointValue(2, 2.0, True),), ())]]
+    families = [[Branch((), (e,))], [Branch((search.JointValue(2, 2.0, True),), ())]]
     slides, weight = np.array([False, True, False]), np.array([100.0, 1000.0, 100.0])
-    made, free = Conditions.of(families, slides, weight), np.full(3, np.inf)
-    found = nearest_points(made, np.zeros((1, 3)), -free, free, SearchOptions(), compiled=compiled)
+    made, free = search.Conditions.of(families, slides, weight), np.full(3, np.inf)
+    found = search.nearest_points(
+        made, np.zeros((1, 3)), -free, free, search.SearchOptions(), compiled=compiled
+    )
     assert found.lower[0] <= 149 <= found.upper[0]
 
 
@@ -173,9 +167,9 @@ def test_the_compiled_bounds_are_those_of_numpy(name: str) -> None:
     for norm in ("euclidean", "max"):
         weight = np.where(form.arm.prismatic, 3.0, rng.uniform(0.5, 2, form.arm.n))
         branches = [f.branches for f in form.families]
-        conditions = Conditions.of(branches, form.arm.prismatic, weight, norm)
-        a = two_sided(conditions, Q, each=True)
-        b = two_sided(conditions, Q, each=True, compiled=False)
+        conditions = search.Conditions.of(branches, form.arm.prismatic, weight, norm)
+        a = search.two_sided(conditions, Q, each=True)
+        b = search.two_sided(conditions, Q, each=True, compiled=False)
         np.testing.assert_allclose(a.each, b.each, rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(a.lower, a.each[..., 0].min(axis=1))
         np.testing.assert_allclose(a.upper, a.each[..., 1].min(axis=1))
@@ -245,7 +239,7 @@ def test_points_of_equations_that_are_not_singular_are_none_of_a_family() -> Non
     """Equations of a wrist singularity that are zero at wrist_2_joint = 1 rad as well."""
     form = closed("ur5")
     wrist = form["wrist"]
-    decoy = Branch((JointValue(4, 1.0, False),), ())
+    decoy = Branch((search.JointValue(4, 1.0, False),), ())
     own = OwnPoints(form.loaded)
     wrist = dataclasses.replace(
         wrist, branches=(*wrist.branches, decoy), confirm=own, also_regular=True
@@ -290,7 +284,7 @@ def test_points_of_equations_that_are_not_singular_are_none_of_a_family() -> Non
     into = pinsing.check_trajectory(form.loaded, [q, q - np.eye(6)[4]], forms=form)
     assert [c.kind for c in into.crossings] == ["crossing"]
     # Along a zero of the equations that singular configurations are on as well.
-    along = dataclasses.replace(wrist, branches=(Branch((JointValue(0, 0.0, False),), ()),))
+    along = dataclasses.replace(wrist, branches=(Branch((search.JointValue(0, 0.0, False),), ()),))
     form = dataclasses.replace(form, families=(along,))
     (met,) = pinsing.proximity.crossings(form, [q, q - 1.5 * np.eye(6)[4]])
     assert met.kind == "along"

@@ -134,17 +134,14 @@ def test_splines_of_scipy() -> None:
 
 
 def test_families_of_several_conditions() -> None:
-    form = closed("panda")
-    rng = np.random.default_rng(5)
-    way = rng.uniform(-2, 2, (9, 7))
+    form, rng = closed("panda"), np.random.default_rng(5)
+    way, family = rng.uniform(-2, 2, (9, 7)), form.families[4]
     assert len(crossings(form, way)) == 0
-    family = form.families[4]
     way[4] = family.points(1, rng)[0]
-    found = crossings(form, way)
-    assert [(round(c.t, 3), c.family) for c in found] == [(4.0, "F5")]
-    assert family.contains(found[0].q, 1e-4)
-    value = family.branches[0].values[0].joint
-    way[4, value] += 1e-3
+    (found,) = crossings(form, way)
+    assert (round(found.t, 3), found.family) == (4.0, "F5")
+    assert family.contains(found.q, 1e-4)
+    way[4, family.branches[0].values[0].joint] += 1e-3
     assert len(crossings(form, way)) == 0
 
 
@@ -330,12 +327,11 @@ def test_the_closest_approach_of_a_line_is_that_of_dense_samples(name, q, to) ->
 
 @pytest.mark.slow
 def test_a_start_that_meets_a_singularity_is_not_suggested_and_all_that_is_met_is_named() -> None:
-    arm, target = pinsing.load("gp25"), [0.9, 0.0, 1.2]
-    q = np.radians([0, -40, 60, 0, 40, 0])
+    arm, target, q = pinsing.load("gp25"), [0.9, 0.0, 1.2], np.radians([0, -40, 60, 0, 40, 0])
     postures = line_postures(arm, q, target)
     inside = [p for p in postures if p.outcome == "reached" and p.within_limits]
-    line = replace(check_line(arm, q, target), postures=postures)
     assert [p.clearance for p in inside] == [0, 0]
+    line = replace(check_line(arm, q, target), postures=postures)
     text = " ".join(line.text().split())
     assert "another posture" not in text
     assert "None of 7 other postures" in text

@@ -133,20 +133,21 @@ def test_a_joint_that_is_locked_on_the_chain_has_to_stay_there(tmp_path: Path) -
     ],
 )  # fmt: skip
 def test_what_is_no_trajectory(read, name, held, said):
-    def check(found):
-        return check_trajectory(arm_of("ur5"), found.Q, found.t)
+    def check():
+        found = read(held, name)
+        check_trajectory(arm_of("ur5"), found.Q, found.t)
 
     with pytest.raises(PinsingError, match=said) as raised:
-        check(read(held, name))
+        check()
     assert "\n" not in str(raised.value)
 
 
-def test_text_of_other_encodings_and_longer_numbers(read):
-    for code in ("utf-16", "utf-8-sig"):
-        text = "q1,q2,q3\n\n0,1,2\n"
-        assert read(text.encode(code), arm="planar3r").Q.tolist() == [[0, 1, 2]]
-        with pytest.raises(ConfigurationError, match=r":5: column 2: 'x' is no number"):
-            read(f"{text}\n0,x,2\n".encode(code), arm="planar3r")
+@pytest.mark.parametrize("code", ["utf-16", "utf-8-sig"])
+def test_text_of_other_encodings_and_longer_numbers(read, code):
+    text = "q1,q2,q3\n\n0,1,2\n"
+    assert read(text.encode(code), arm="planar3r").Q.tolist() == [[0, 1, 2]]
+    with pytest.raises(ConfigurationError, match=r":5: column 2: 'x' is no number"):
+        read(f"{text}\n0,x,2\n".encode(code), arm="planar3r")
     read(np.full((2, 3), np.finfo(np.longdouble).max), "longer.npy", "planar3r")
 
 

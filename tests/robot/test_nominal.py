@@ -47,11 +47,9 @@ def check(arm: Arm, exact: Nominal, Q: np.ndarray) -> float:
     assert (exact.offset.shape, exact.rotation[-1]) == ((k,), IDENTITY)
     for R in exact.rotation:
         assert all(isinstance(x, Fraction | Surd) for row in R for x in row)
-        for a in range(3):
-            for b in range(3):
-                assert sum(R[c][a] * R[c][b] for c in range(3)) == (a == b)
-        (a, b, c), (d, e, f), (g, h, i) = R
-        assert a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) == 1
+        M = np.array(R, dtype=object)
+        assert (M.T @ M == IDENTITY).all()
+        assert M[0] @ np.cross(M[1], M[2]) == 1
     assert all(isinstance(x, Fraction) for t in exact.translation for x in t)
     for field in ("name", "tip", "base", "joints", "task", "length_scale"):
         assert getattr(exact.arm, field) == getattr(arm, field)
