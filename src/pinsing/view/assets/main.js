@@ -308,7 +308,7 @@ class App {
 
   // The same of rows that the page has read by itself, samples in radians and metres.
   follow(name, rows) {
-    const { families, joints, task } = this.engine, found = Engine.crossings(families, rows, joints, task.lengthScale), last = rows.length - 1;
+    const { families, joints } = this.engine, found = Engine.crossings(families, rows, joints), last = rows.length - 1;
     const met = found.flatMap(({ name: family, at }) => at.map((t) => ({ t, kind: "meets", family }))).sort((a, b) => a.t - b.t).slice(0, 30);
     const times = [...new Set([...evenly(rows), ...met.map(({ t }) => t)])].sort((a, b) => a - b), between = (t) => {
       const a = rows[Math.floor(t)], b = rows[Math.min(Math.floor(t) + 1, last)];

@@ -149,11 +149,12 @@ export function generator(seed) {
 
 // Values of joint j, the others held at q, at which a family is met: ticks beside its slider.
 export function meetings(family, q, j, low, high, prismatic) {
+  const [a, b] = [low, high].map((end) => q.map((v, i) => (i === j ? end : v)));
   const out = family.branches.flatMap(({ values, equations }) => {
     const mine = values.find((v) => v.joint === j);
     if (values.some((v) => v !== mine && Math.abs(apart(q[v.joint], v.value, false)) > 1e-7)) return [];
     if (mine) return equations.length ? [] : turnsOf(mine.value, low - 1e-9, high + 1e-9, prismatic);
-    return equations.length === 1 ? zerosAlong(equations[0], q, j, low, high) : [];
+    return equations.length === 1 ? zerosBetween(equations[0], a, b, 16).map((part) => low + part * (high - low)) : [];
   });
   return [...new Set(out.map((v) => Math.round(v * 1e9) / 1e9))].sort((a, b) => a - b);
 }
@@ -165,27 +166,40 @@ function turnsOf(value, low, high, prismatic) {
   return Array.from({ length: Math.max(0, last - first + 1) }, (_, k) => value + (first + k) * FULL);
 }
 
-// Zeros of an equation as joint j alone goes from low to high: split where the curvature bound
-// leaves room, so that none that crosses is passed over.
-function zerosAlong(equation, q, j, low, high) {
-  const degree = 2 * Math.max(0, ...equation.rate.map((r) => Math.abs(r[j])), ...(equation.power ?? []).map((p) => p[j]));
-  const x = q.slice(), at = (v) => { x[j] = v; return evaluate(equation, x).value; }, flat = 1e-12 * equation.size;
-  const everywhere = [0.11, 0.37, 0.71, 0.93].every((s) => Math.abs(at(low + s * (high - low))) <= flat);
-  return degree && !everywhere ? zerosOf(at, low, high, Math.max(16, Math.ceil(8 * degree * Math.max(1, (high - low) / Math.PI))), flat) : [];
+// Families [{ name, at: [...] }] crossed on the straight ways from each of the `rows` (n each) to the next, and
+// where: samples from 0 on, with parts of one. A family of one condition is crossed where that changes its
+// sign; those of more conditions are met by chance only.
+export function crossings(families, rows, joints) {
+  return families.filter((family) => family.reachable !== false).flatMap(({ name, branches }) => {
+    const single = branches.filter((b) => b.values.length + b.equations.length === 1);
+    const at = rows.slice(1).flatMap((b, k) => single.flatMap((branch) => crossed(branch, rows[k], b, joints).map((part) => k + part)));
+    return at.length ? [{ name, at: at.sort((x, y) => x - y) }] : [];
+  });
 }
 
-// Zeros of f from `low` to `high`: where its sign changes from one of `pieces` to the next, or it is flat.
-function zerosOf(f, low, high, pieces, flat) {
-  const out = [], zero = (value) => Math.abs(value) <= flat;
-  let a = low, fa = f(a);
-  if (zero(fa)) out.push(a);
-  for (let k = 1; k <= pieces; k++) {
-    const b = low + ((high - low) * k) / pieces, fb = f(b);
-    if (zero(fb)) out.push(b);
-    else if (!zero(fa) && fa * fb < 0) out.push(bisect(f, a, b, fa));
-    a = b; fa = fb;
-  }
-  return out;
+// Parts of the way from a to b, beyond a, at which a branch of one condition is met.
+function crossed({ values: [fixed], equations }, a, b, joints) {
+  if (!fixed) return zerosBetween(equations[0], a, b, 1).filter((part) => part > 0);
+  const { joint, value } = fixed, [from, to] = [a[joint], b[joint]];
+  return turnsOf(value, Math.min(from, to), Math.max(from, to), joints[joint].prismatic).filter((v) => v !== from && v !== to).map((v) => (v - from) / (to - from));
+}
+
+const MOST = 512; // looks on a way
+
+// Zeros of an equation on the straight way from a to b, as parts of it: where the sign changes from one look to the
+// next, or it is flat; none where it is so all the way. As many looks as the fastest term needs, a multiple of `least`.
+function zerosBetween(equation, a, b, least) {
+  const far = a.map((v, j) => Math.abs(b[j] - v)), f = (part) => evaluate(equation, a.map((v, j) => v + part * (b[j] - v))).value;
+  const fast = equation.rate.map((row, t) => row.reduce((sum, rate, j) => sum + far[j] * (5 * Math.abs(rate) + 20 * (equation.power?.[t][j] ?? 0)), 0));
+  const looks = Math.min(MOST, least * Math.ceil(Math.max(...fast) / least));
+  if (!looks) return [];
+  const values = Array.from({ length: looks + 1 }, (_, k) => f(k / looks));
+  const zero = values.map((v) => Math.abs(v) <= 1e-12 * equation.size);
+  if (zero.every(Boolean)) return [];
+  return values.flatMap((v, k) => {
+    if (zero[k]) return [k / looks];
+    return k && !zero[k - 1] && values[k - 1] * v < 0 ? [bisect(f, (k - 1) / looks, k / looks, values[k - 1])] : [];
+  });
 }
 
 // Zero of f between a and b, where its sign changes; fa is f(a).
@@ -197,38 +211,6 @@ function bisect(f, a, b, fa, steps = 60) {
     else { a = m; fa = fm; }
   }
   return (a + b) / 2;
-}
-
-const LOOK = 0.05, MOST = 64; // radians, or length scales, between two looks; the most of them on a way
-
-// Families [{ name, at: [...] }] crossed on the straight ways from each of the `rows` (n each) to the next, and
-// where: samples from 0 on, with parts of one. A family of one condition is crossed where that changes its
-// sign; those of more conditions are met by chance only.
-export function crossings(families, rows, joints, lengthScale) {
-  const out = [];
-  for (const family of families) {
-    const single = family.reachable === false ? [] : family.branches.filter((b) => b.values.length + b.equations.length === 1);
-    const found = single.flatMap((branch) => crossedBy(branch, rows, joints, lengthScale));
-    if (found.length) out.push({ name: family.name, at: found.sort((a, b) => a - b) });
-  }
-  return out;
-}
-
-function crossedBy({ values: [fixed], equations }, rows, joints, lengthScale) {
-  return rows.slice(1).flatMap((b, k) => {
-    const a = rows[k], parts = fixed ? passed(fixed, a[fixed.joint], b[fixed.joint], joints) : changes(equations[0], a, b, joints, lengthScale);
-    return parts.map((part) => k + part);
-  });
-}
-
-// Where a joint is at its value, strictly between two others.
-const passed = ({ joint, value }, a, b, joints) =>
-  turnsOf(value, Math.min(a, b), Math.max(a, b), joints[joint].prismatic).filter((v) => v !== a && v !== b).map((v) => (v - a) / (b - a));
-
-function changes(equation, a, b, joints, lengthScale) {
-  const far = Math.max(...a.map((v, j) => Math.abs(b[j] - v) / (joints[j].prismatic ? lengthScale : 1)));
-  const looks = Math.min(MOST, Math.max(1, Math.ceil(far / LOOK)));
-  return zerosOf((part) => evaluate(equation, a.map((v, j) => v + part * (b[j] - v))).value, 0, 1, looks, -1);
 }
 
 const SAME = 1e-3, SLACK = 1e-9;

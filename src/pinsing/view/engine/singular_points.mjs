@@ -27,20 +27,21 @@ export function trace(data, start, moving) {
     if (!behind) return null;
     points = [...behind.points.slice(1).reverse().map((p) => ({ q: p.q, t: scaled(p.t, -1) })), ...points];
   }
-  return { moving, closed: ahead.closed, points: points.map((p) => {
+  return { closed: ahead.closed, points: points.map((p) => {
     const { one, two, constraint } = motions(data, p.q);
     return { ...p, one, two, constraint };
   }) };
 }
 
-// Points of a curve from the one nearest to q on, to both sides; all of a closed one, and two of them again.
+// Points of a curve from the one nearest to q on, to both sides, in the turns of q; all of a closed one, and two of
+// them again.
 export function sides(data, { points, closed }, q) {
   const gaps = points.map((p) => gapOf(data, p.q, q)), here = gaps.indexOf(Math.min(...gaps)), round = points.length - 1;
   return [1, -1].map((step) => {
     const way = closed ? Array.from({ length: round + 2 }, (_, k) => points[(here + step * k + 2 * round) % round])
       : step > 0 ? points.slice(here) : points.slice(0, here + 1).reverse();
-    const rows = unrolled(data, way.map((p) => p.q));
-    return way.map((p, k) => ({ ...p, q: rows[k] }));
+    const rows = unrolled(data, [q, ...way.map((p) => p.q)]);
+    return way.map((p, k) => ({ ...p, q: rows[k + 1] }));
   });
 }
 
@@ -131,32 +132,27 @@ function matrixOf(data, q, kind) {
 
 const unitRows = (data, joints) => joints.map((j) => data.joints.map((_, i) => (i === j ? 1 : 0)));
 
-// All singular points { kind, q, rangeEnd } along a curve, refined; each once. `rangeEnd`: the moving input
-// turns back there.
-export function singularAlong(data, curve) {
-  const index = data.actuated[curve.moving], held = data.actuated.filter((j) => j !== index), found = [];
-  for (const [kind, k, rangeEnd] of candidates(curve, index)) {
-    const start = curve.points[k].q, point = { ...refinePoint(data, start, kind, held), rangeEnd };
-    if (!point.converged || gapOf(data, point.q, start) > 6 * STEP) continue;
-    const same = found.findIndex((other) => gapOf(data, point.q, other.q) <= SAME);
-    if (same < 0) found.push(point);
-    else if (rangeEnd && point.kind === found[same].kind) found[same] = point;
+// All singular points { kind, q, rangeEnd } along points of a curve of input k, refined; each once, in the turns of
+// the point that it was found from. `rangeEnd`: the input turns back there.
+export function singularAlong(data, k, points) {
+  const held = data.actuated.filter((_, i) => i !== k), found = [];
+  for (const [kind, start, rangeEnd] of candidates(points, data.actuated[k])) {
+    const { q, ...point } = refinePoint(data, start, kind, held);
+    if (!point.converged || gapOf(data, q, start) > 6 * STEP) continue;
+    const same = found.findIndex((other) => gapOf(data, q, other.q) <= SAME), made = { ...point, q: add(start, wrap(data, subtract(q, start))), rangeEnd };
+    if (same < 0) found.push(made);
+    else if (rangeEnd && point.kind === found[same].kind) found[same] = made;
   }
   return found;
 }
 
-// [kind, place on the curve, whether the input turns back]: where it does, and the minima of the measures.
-function candidates({ points, closed }, index) {
-  const out = [], last = points.length - 1;
-  for (let k = 1; k <= last; k++) if (points[k - 1].t[index] * points[k].t[index] <= 0) out.push(["type 2", k, true]);
+// [kind, q, whether the input turns back]: where it does, and the minima of the measures.
+function candidates(points, index) {
+  const out = points.filter(({ t }, k) => k && points[k - 1].t[index] * t[index] <= 0).map(({ q }) => ["type 2", q, true]);
   for (const [kind, name] of Object.entries(MEASURE)) {
-    if (points.length < 3) continue;
-    const value = (k) => points[k][name];
-    const left = (k) => (k > 0 ? value(k - 1) : closed ? value(last - 1) : Infinity);
-    const right = (k) => (k < last ? value(k + 1) : closed ? value(1) : Infinity);
-    const low = points.map((_, k) => value(k) <= left(k) && value(k) <= right(k) && value(k) < WORTH);
-    if (!low.every(Boolean)) low.forEach((is, k) => { if (is) out.push([kind, k, false]); });
+    const value = (k) => points[k]?.[name] ?? Infinity, low = points.map((_, k) => value(k) <= Math.min(value(k - 1), value(k + 1), WORTH));
+    if (points.length > 2 && !low.every(Boolean)) low.forEach((is, k) => { if (is) out.push([kind, points[k].q, false]); });
   }
   // At a constraint singularity the others are met as well, and less exactly: it goes first.
-  return [...out.filter(([kind]) => kind === "constraint"), ...out.filter(([kind]) => kind !== "constraint")];
+  return out.sort((a, b) => (b[0] === "constraint") - (a[0] === "constraint"));
 }

@@ -15,26 +15,23 @@ const DISTINCT = 1e-5; // at type 2 two modes are one, of which CLOSED leaves 3e
 // whole, points }; at a type 2 singularity both of the modes that meet there count. Null where no curve
 // is found.
 export function stretch(data, q, k) {
-  const index = data.actuated[k], { prismatic, lower: least, upper: most } = data.joints[index], curve = trace(data, q, k);
+  const index = data.actuated[k], { lower: least, upper: most } = data.joints[index], curve = trace(data, q, k);
   if (!curve) return null;
   const atEnd = motions(data, q).two <= AT_TYPE_2, [ahead, behind] = sides(data, curve, q).map((way) => toTurn(curve, way, index, atEnd));
   const whole = curve.closed && !ahead.turns, mode = atEnd ? "0" : assemblySign(data, q);
   const seen = [...(whole ? [] : behind.points.slice(1).reverse()), ...ahead.points];
   const part = [...(whole ? behind.points.slice(1, 2) : behind.more), ...seen, ...ahead.more];
-  const value = seen.map((p) => p.q[index] + q[index] - ahead.points[0].q[index]), low = Math.min(...value), high = Math.max(...value);
-  const centre = whole ? q[index] : (low + high) / 2;
-  const marks = singularAlong(data, { moving: k, closed: false, points: part })
-    .filter((p) => "0?".includes(mode) || [mode, "0"].includes(assemblySign(data, p.q)))
-    .map((p) => ({ ...p, q: p.q.map((v, j) => (j === index && !prismatic ? v + FULL * Math.round((centre - v) / FULL) : v)) }))
-    .sort((a, b) => a.q[index] - b.q[index]);
-  if (whole) return { lower: centre - Math.PI, upper: centre + Math.PI, whole, points: marks };
+  const points = singularAlong(data, k, part).filter((p) => "0?".includes(mode) || [mode, "0"].includes(assemblySign(data, p.q)));
+  if (whole) for (const p of points) p.q[index] -= FULL * Math.round((p.q[index] - q[index]) / FULL);
+  points.sort((a, b) => a.q[index] - b.q[index]);
+  if (whole) return { lower: q[index] - Math.PI, upper: q[index] + Math.PI, whole, points };
   // Between samples the input still goes a little further, to where it turns back.
-  const ends = marks.filter((p) => p.rangeEnd).map((p) => p.q[index]);
-  const lower = Math.min(low, ...ends), upper = Math.max(high, ...ends);
+  const ends = points.filter((p) => p.rangeEnd).map((p) => p.q[index]), values = [...seen.map((p) => p.q[index]), ...ends];
+  const lower = Math.min(...values), upper = Math.max(...values);
   // The last step before a limit ends short of it.
   const near = STEP * data.metric[index];
   const snapped = (v, limit) => (limit !== null && !ends.includes(v) && Math.abs(v - limit) <= near ? limit : v);
-  return { lower: snapped(lower, least), upper: snapped(upper, most), whole, points: marks };
+  return { lower: snapped(lower, least), upper: snapped(upper, most), whole, points };
 }
 
 // Points of a way along a curve up to just beyond where the input turns back, whether it does, and the next
