@@ -34,7 +34,7 @@ class Drag {
   }
 
   pixels(point, camera) {
-    const { element } = this.app.view, box = element.getBoundingClientRect(), [x, y, depth] = pixelsOf(point, camera, element);
+    const { element } = this.app.view, box = element.getBoundingClientRect(), [x, y, depth] = pixelsOf(yUp(point), camera, element);
     return [box.left + x, box.top + y, depth];
   }
 

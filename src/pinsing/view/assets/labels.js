@@ -6,16 +6,22 @@ const GAP = 8; // px between a point and its label
 // A point of the base, z up, in the axes of three.js.
 const yUp = ([x, y, z]) => new MeshCat.THREE.Vector3(x, z, -y);
 
-// Where it is in the picture of an element, pixels, and how deep: beyond 1 it is not seen.
+// Where a point in these axes is in the picture of an element, pixels, and how deep: beyond 1 it is not seen.
 function pixelsOf(point, camera, { clientWidth, clientHeight }) {
-  const { x, y, z } = yUp(point).project(camera);
+  const { x, y, z } = point.clone().project(camera);
   return [((x + 1) / 2) * clientWidth, ((1 - y) / 2) * clientHeight, z];
+}
+
+// Where another element is in it, pixels.
+function boxIn(element, node) {
+  const { left, top } = element.getBoundingClientRect(), box = node.getBoundingClientRect();
+  return new DOMRect(box.left - left, box.top - top, box.width, box.height);
 }
 
 class Labels {
   constructor(element) {
     this.element = element;
-    this.nodes = [document.getElementById("label-lost")];
+    this.nodes = [$("label-lost")];
     this.marks = [];
   }
 
@@ -25,8 +31,7 @@ class Labels {
     this.marks = marks;
     this.tip = tip;
     while (this.nodes.length < marks.length) {
-      const node = document.createElement("div");
-      node.className = "label";
+      const node = make("div", "label");
       this.nodes.at(-1).after(node);
       this.nodes.push(node);
     }
@@ -39,42 +44,39 @@ class Labels {
   }
 
   place(camera) {
-    const { clientWidth: wide, clientHeight: high } = this.element, here = this.element.getBoundingClientRect();
-    const legend = document.getElementById("legend").getBoundingClientRect();
-    const taken = [{ left: legend.left - here.left, right: legend.right - here.left, top: legend.top - here.top, bottom: legend.bottom - here.top }];
-    const [tx, ty] = this.tip ? pixelsOf(this.tip, camera, this.element) : [-1e6, -1e6];
+    const { element } = this, { clientWidth: wide, clientHeight: high } = element, taken = [boxIn(element, $("legend"))];
+    const [tx, ty] = this.tip ? pixelsOf(yUp(this.tip), camera, element) : [-1e6, -1e6];
     this.marks.forEach(({ at }, k) => {
-      const node = this.nodes[k], [px, py, depth] = pixelsOf(at, camera, this.element);
+      const node = this.nodes[k], [px, py, depth] = pixelsOf(yUp(at), camera, element);
       node.hidden = depth > 1;
       if (node.hidden) return;
       const { offsetWidth: w, offsetHeight: h } = node;
-      const inside = (left, top) => ({ left: Math.min(Math.max(left, 4), Math.max(4, wide - w - 4)), top: Math.min(Math.max(top, 4), Math.max(4, high - h - 4)) });
+      const inside = (v, size, room) => Math.min(Math.max(v, 4), Math.max(4, room - size - 4));
       // Beside its point on one side or the other, above or below it, then wherever there is room.
       const places = [[px + GAP, py - h / 2], [px - GAP - w, py - h / 2], [px - w / 2, py - h - GAP], [px - w / 2, py + GAP]];
       for (const box of taken) places.push([px + GAP, box.bottom + 4], [box.right + 4, py - h / 2]);
       const costs = places.map(([left, top], n) => {
-        const spot = inside(left, top), right = spot.left + w, bottom = spot.top + h;
+        const spot = new DOMRect(inside(left, w, wide), inside(top, h, high), w, h), { right, bottom } = spot;
         const over = taken.some((b) => spot.left < b.right && right > b.left && spot.top < b.bottom && bottom > b.top);
         // The tool, the end of the arrow, and its shaft from there.
         const hides = [[px, py], [tx, ty], [0.8 * px + 0.2 * tx, 0.8 * py + 0.2 * ty]].some(([x, y]) => x > spot.left - 4 && x < right + 4 && y > spot.top - 4 && y < bottom + 4);
         return { spot, cost: Math.hypot(spot.left - left, spot.top - top) + 20 * n + (over ? 1e6 : 0) + (hides ? 300 : 0) };
       });
       const { spot } = costs.reduce((a, b) => (b.cost < a.cost ? b : a));
-      taken.push({ left: spot.left, right: spot.left + w, top: spot.top, bottom: spot.top + h });
-      node.style.left = `${this.element.offsetLeft + spot.left}px`;
-      node.style.top = `${this.element.offsetTop + spot.top}px`;
+      taken.push(spot);
+      node.style.left = `${element.offsetLeft + spot.left}px`;
+      node.style.top = `${element.offsetTop + spot.top}px`;
     });
   }
 
   // Drawn with a pen of the 2D canvas whose origin is that of the view.
   draw(pen) {
-    const here = this.element.getBoundingClientRect();
     for (const node of this.nodes.filter((n) => !n.hidden)) {
-      const box = node.getBoundingClientRect(), look = getComputedStyle(node);
+      const { x, y, width, height } = boxIn(this.element, node), look = getComputedStyle(node);
       pen.fillStyle = look.backgroundColor;
-      pen.fillRect(box.left - here.left, box.top - here.top, box.width, box.height);
+      pen.fillRect(x, y, width, height);
       pen.fillStyle = look.color;
-      pen.fillText(node.textContent, box.left - here.left + 6, box.top - here.top + box.height / 2);
+      pen.fillText(node.textContent, x + 6, y + height / 2);
     }
   }
 }

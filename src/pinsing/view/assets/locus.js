@@ -23,13 +23,8 @@ class Locus {
     Object.assign(this, { app, joints, family });
     const { involved } = Engine.curveBranch(family, q, joints);
     const pair = involved.slice(-2);
-    this.menus = pair.map((chosen, k) => {
-      const menu = make("select");
-      menu.setAttribute("aria-label", k ? "Joint upward" : "Joint across");
-      for (const j of involved) menu.append(new Option(joints[j].symbol, j, false, j === chosen));
-      menu.addEventListener("change", () => this.changed(k));
-      return menu;
-    });
+    this.menus = pair.map((chosen, k) => make("select", { ariaLabel: k ? "Joint upward" : "Joint across", onchange: () => this.changed(k) },
+      ...involved.map((j) => new Option(joints[j].symbol, j, false, j === chosen))));
     this.shown = pair;
     const head = make("p", "note", "Where it holds over ", this.menus[0], " and ", this.menus[1], ", the others on their sliders:");
     this.picture = this.make("svg", { viewBox: `0 0 ${LOCUS.wide} ${LOCUS.high}`, role: "img" });

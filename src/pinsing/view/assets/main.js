@@ -16,10 +16,8 @@ class App {
     Object.assign(this, { page, engine, view, stream, joints: engine.joints, entry: null, pose: 0, wanted: null, turn: 0 });
     this.view.begin(page.settings, scene);
     $("shown").append(...Object.entries(SHOWN).map(([option, words]) => {
-      const box = make("input");
-      Object.assign(box, { type: "checkbox", id: `show-${option}`, checked: view.options[option] });
-      box.addEventListener("change", () => view.set(option, box.checked));
-      return make("label", "", box, ` ${words}`);
+      const onchange = (event) => view.set(option, event.target.checked);
+      return make("label", "", make("input", { type: "checkbox", id: `show-${option}`, checked: view.options[option], onchange }), ` ${words}`);
     }));
     this.places = entries.flatMap((entry, i) => entry.q.map((_, k) => [i, k]));
     this.aside = new Aside(engine); // what is looked at around a pose

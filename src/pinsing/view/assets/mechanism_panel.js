@@ -49,13 +49,11 @@ class MechanismPanel extends Panel {
 
   joints() {
     const { app } = this, { actuated, pose } = app.engine, count = this.listed.length, output = this.page.robot.output;
-    const title = make("h3", "", `Pose of ${output}, led`), passive = make("details"), few = count - actuated.length;
-    title.title = "Metres and degrees in the axes of the base; roll, pitch, yaw about x, y, z";
+    const title = make("h3", { title: "Metres and degrees in the axes of the base; roll, pitch, yaw about x, y, z" }, `Pose of ${output}, led`);
+    const few = count - actuated.length, passive = make("details", { id: "passive", open: few <= FEW }, make("summary", "", `${many(few, "passive joint")}, solved`));
     this.listed = [...this.listed, ...pose.coordinates];
     this.windows = this.listed.map(({ span }) => span);
     $("joints").style.setProperty("--name", `${Math.min(Math.max(...this.listed.map((j) => j.symbol.length), 3), 12)}ch`);
-    passive.append(make("summary", "", `${many(few, "passive joint")}, solved`));
-    Object.assign(passive, { id: "passive", open: few <= FEW });
     this.rows = this.listed.map((_, index) => {
       const input = actuated.includes(index), led = index >= count, found = this.row(index, input || led);
       // Let go where the mechanism cannot follow, the slider goes back to it.
@@ -114,7 +112,7 @@ class MechanismPanel extends Panel {
     const groups = [["At these inputs (assembly modes)", assemblies], ["At this pose (working modes)", working]];
     $("mode-menu").replaceChildren(...groups.filter(([, modes]) => modes.length > 1 || modes === assemblies).map(([label, modes]) => {
       const options = modes.map(({ name, q, here }) => new Option(name, JSON.stringify(q), false, here && modes === assemblies));
-      return Object.assign(make("optgroup", "", ...options), { label });
+      return make("optgroup", { label }, ...options);
     }));
   }
 

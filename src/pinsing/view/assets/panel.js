@@ -3,30 +3,19 @@
 
 const $ = (id) => document.getElementById(id);
 
-// An element and what it holds: words, or other elements.
-function make(tag, className = "", ...content) {
-  const node = document.createElement(tag);
-  if (className) node.className = className;
+// An element, its class or all that is set of it, and what it holds: words, or other elements.
+function make(tag, given = {}, ...content) {
+  const node = Object.assign(document.createElement(tag), typeof given === "string" ? { className: given } : given);
   node.append(...content);
   return node;
 }
 
 // A button and what it does.
-function press(className, title, action, ...content) {
-  const node = make("button", className, ...content);
-  node.title = title;
-  node.addEventListener("click", action);
-  return node;
-}
+const press = (className, title, onclick, ...content) => make("button", { className, title, onclick }, ...content);
 
 // Something on the band of a slider, from one percentage of its length to another, or at one.
-function onBand(className, from, to = null, title = "") {
-  const node = make("span", className);
-  node.style.left = `${from}%`;
-  if (to !== null) node.style.width = `${to - from}%`;
-  node.title = title;
-  return node;
-}
+const onBand = (className, from, to = null, title = "") =>
+  make("span", { className, title, style: `left: ${from}%; ${to === null ? "" : `width: ${to - from}%`}` });
 
 // "q5 = 0" with the 5 set low.
 function formula(node, text) {
@@ -85,12 +74,8 @@ class Panel {
     $("robot").textContent = page.robot.name;
     this.head();
     this.keys();
-    $("numbers").replaceChildren(...this.numbers().map(([id, label, title]) => {
-      const name = make("dt", "", label), value = make("dd");
-      name.title = title;
-      value.id = id;
-      return make("div", "", name, value);
-    }));
+    $("numbers").replaceChildren(...this.numbers().map(([id, label, title]) =>
+      make("div", "", make("dt", { title }, label), make("dd", { id }))));
     $("scale").textContent = this.scale();
     const own = this.ownScale(), singular = entries.filter((entry) => !entry.given).length;
     if (own) $("numbers").after(make("p", "note own-scale", own));
@@ -219,19 +204,15 @@ class Panel {
   // A slider with the joint's name and value, both to be moved; a fixed one only follows.
   row(index, moves) {
     const joint = this.listed[index], [min, max] = joint.span, { unit, said, size, end } = unitOf(joint);
-    const row = make("div", "joint"), slider = make("input"), name = formula(make("span", "name"), joint.symbol), value = make("span", "value");
-    row.title = joint.name;
-    Object.assign(slider, { type: "range", min, max, step: "any", disabled: !moves });
-    slider.setAttribute("aria-label", joint.name);
-    row.append(name, slider, value);
+    const name = formula(make("span", "name"), joint.symbol), value = make("span", "value");
+    const slider = make("input", { type: "range", min, max, step: "any", disabled: !moves, ariaLabel: joint.name });
+    const band = make("span", "band"), track = moves ? make("span", "track", slider, band) : slider;
+    const row = make("div", { className: "joint", title: joint.name }, name, track, value);
     if (!moves) return { row, slider, name, value };
-    const typed = make("input", "typed"), track = make("span", "track"), band = make("span", "band"), moved = () => this.app.move(index, Number(slider.value));
-    slider.replaceWith(track);
-    track.append(slider, band);
+    const moved = () => this.app.move(index, Number(slider.value));
+    const typed = make("input", { className: "typed", type: "text", inputMode: "decimal", autocomplete: "off", ariaLabel: `${joint.name}, ${said}` });
     value.append(typed, unit);
     slider.addEventListener("input", moved);
-    Object.assign(typed, { type: "text", inputMode: "decimal", autocomplete: "off" });
-    typed.setAttribute("aria-label", `${joint.name}, ${said}`);
     typed.addEventListener("change", () => {
       const text = typed.value.replace(",", ".").replace("\u2212", "-").replace(end, "").trim(), given = Number(text) * size;
       const wrong = !NUMBER.test(text) || Math.abs(given) > HUGE;

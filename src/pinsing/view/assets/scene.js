@@ -280,14 +280,12 @@ class SceneView {
 
   // The legend stands in the upper corner in which it covers less of some points.
   putLegend(points) {
-    const legend = document.getElementById("legend"), { camera } = this.viewer, wide = this.element.clientWidth;
+    const legend = $("legend"), { camera } = this.viewer, wide = this.element.clientWidth;
     legend.classList.remove("right");
     if (getComputedStyle(legend).position !== "absolute") return;
     camera.updateMatrixWorld();
-    const seen = points.map((p) => p.clone().project(camera)).map(({ x, y }) => [((x + 1) / 2) * wide, ((1 - y) / 2) * this.element.clientHeight]);
-    const here = this.element.getBoundingClientRect(), box = legend.getBoundingClientRect(), margin = 10;
-    const low = box.bottom - here.top + margin, end = box.right - here.left + margin;
-    const above = seen.filter(([, y]) => y < low), left = above.filter(([x]) => x < end).length, right = above.filter(([x]) => x > wide - end).length;
+    const box = boxIn(this.element, legend), low = box.bottom + 10, end = box.right + 10; // px beside it
+    const above = points.map((p) => pixelsOf(p, camera, this.element)).filter(([, y]) => y < low), left = above.filter(([x]) => x < end).length, right = above.filter(([x]) => x > wide - end).length;
     legend.classList.toggle("right", right < left);
   }
 
@@ -351,8 +349,7 @@ class SceneView {
     this.pace.full();
     this.viewer.render();
     const source = this.viewer.renderer.domElement, ratio = source.width / this.element.clientWidth;
-    const canvas = document.createElement("canvas");
-    Object.assign(canvas, { width: source.width, height: source.height + Math.ceil(above * ratio) });
+    const canvas = make("canvas", { width: source.width, height: source.height + Math.ceil(above * ratio) });
     const pen = canvas.getContext("2d");
     pen.fillStyle = getComputedStyle(document.body).backgroundColor;
     pen.fillRect(0, 0, canvas.width, canvas.height);
@@ -367,16 +364,15 @@ class SceneView {
   // The canvas with its legend and label, as a data address of a PNG.
   pictureWithLegend() {
     // On a narrow screen the legend stands above the view, and so it does in the picture.
-    const here = this.element.getBoundingClientRect(), legend = document.getElementById("legend");
-    const { pen, canvas } = this.copied(Math.max(0, here.top - legend.getBoundingClientRect().top));
+    const legend = $("legend"), { pen, canvas } = this.copied(Math.max(0, -boxIn(this.element, legend).top));
     pen.font = `${getComputedStyle(legend).fontSize} system-ui, sans-serif`;
-    for (const key of document.querySelectorAll("#legend .key")) {
-      const box = key.getBoundingClientRect();
-      if (!box.height) continue;
+    for (const key of legend.querySelectorAll(".key")) {
+      const { x, y, height } = boxIn(this.element, key);
+      if (!height) continue;
       pen.fillStyle = getComputedStyle(key, "::before").backgroundColor;
-      pen.fillRect(box.left - here.left, box.top - here.top + box.height / 2 - 5, 11, 11);
+      pen.fillRect(x, y + height / 2 - 5, 11, 11);
       pen.fillStyle = getComputedStyle(key).color;
-      pen.fillText(key.textContent, box.left - here.left + 18, box.top - here.top + box.height / 2);
+      pen.fillText(key.textContent, x + 18, y + height / 2);
     }
     pen.font = "600 12px system-ui, sans-serif";
     this.labels.draw(pen);

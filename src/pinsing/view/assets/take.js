@@ -59,10 +59,8 @@ class Take {
   }
 
   picture() {
-    const link = make("a");
-    link.href = this.app.view.pictureWithLegend();
-    link.download = `${this.app.page.robot.name.replace(/[^\w.-]+/g, "_") || "robot"}.png`;
-    link.click();
+    const download = `${this.app.page.robot.name.replace(/[^\w.-]+/g, "_") || "robot"}.png`;
+    make("a", { href: this.app.view.pictureWithLegend(), download }).click();
   }
 
   // A trajectory file, ready to be played: read by the program behind the page, as the command line reads it; by

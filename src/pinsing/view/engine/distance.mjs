@@ -7,11 +7,12 @@
 // what the slabs, and the ball of the best point known, leave of it. The box of the least bound is looked at
 // first, and halved.
 
-import { apart, evaluate, freeOf, generator, lowerBound, project, sumAt, sumsOf } from "./families.mjs";
-import { dot, leastNorm, norm } from "./linear.mjs";
+import { apart, jointsOf, lowerBound, project, slopesAt, sumAt, sumsOf } from "./families.mjs";
+import { dot, generator, leastNorm, norm } from "./linear.mjs";
 import { measure } from "./measures.mjs";
 
-const GAP = 1e-6, FAR = 100, ON = 1e-12, TINY = 1e-300; // GAP: of what is found and what is certain
+const GAP = 1e-6, FAR = 100, TINY = 1e-300; // GAP: of what is found and what is certain
+const EACH = 32, LED = 20; // boxes from one from which a zero is sought to the next; looks that this counts as
 
 // Bounds { lower, upper, x } of the distance from q (d) to the zeros of `made` (see sumsOf), d its joints, all
 // weighted; `turns` says which joints do. `best` { x, upper } is what is known, `fixed` the distance that
@@ -43,10 +44,9 @@ export function nearestZero(made, q, turns, best, fixed, work, improve) {
   if (looked(s, first, 0, work)) add(first);
   for (let turn = 0; boxes.length && least() < goal() && work.left > 0; turn++) {
     const parent = boxes.pop();
-    let zero = landed(s, parent.near, work);
-    if (!zero && turn % 64 === 63) zero = landed(s, parent.c, work);
-    if (zero) {
-      const found = improve(Array.from(zero));
+    if (turn % EACH === EACH - 1) {
+      work.left -= LED * made.terms;
+      const found = improve(Array.from((turn + 1) % (4 * EACH) ? parent.near : parent.c));
       if (found && found.upper < part.upper) Object.assign(part, found);
       s.most = part.upper;
     }
@@ -221,29 +221,6 @@ function shrunk(s, box) {
   return true;
 }
 
-// From x straight onto the zeros, by Newton's method; null as soon as it does not get there, nearer than
-// the best.
-function landed(s, start, work) {
-  const { d, q, most, made: { sums, at, terms } } = s, x = Array.from(start);
-  let before = Infinity;
-  for (let k = 0; k < 40; k++) {
-    let square = 0, residual = 0;
-    for (let j = 0; j < d; j++) square += (x[j] - q[j]) ** 2;
-    if (Math.sqrt(square) >= most) return null;
-    work.left -= terms;
-    for (let i = 0; i < sums.length; i++) {
-      sumAt(sums[i], x, null, at[i]);
-      residual = Math.max(residual, Math.abs(at[i].value) / (at[i].size * Math.max(1, sums[i].noise * 1e13)));
-    }
-    if (residual <= ON) return x;
-    if (residual > 0.7 * before) return null;
-    before = residual;
-    const step = leastNorm(at.map(({ g, size }) => Array.from(g, (v) => v / size)), at.map(({ value, size }) => -value / size), 1e-7);
-    for (let j = 0; j < d; j++) x[j] += step[j];
-  }
-  return null;
-}
-
 const LONG = 200, MOST = 200; // terms of a branch from which on few starts are taken; the most of them
 const CONFIRMED = 1e-6; // singular values: as in the program
 
@@ -332,7 +309,7 @@ function own(data, { points = [] }, q) {
 // { lower, upper, x } of a branch with equations; x is null where no point nearer than `most` was found.
 // `own`, unless null, says which zeros of the equations count; the bound holds for all of them.
 function nearestOn(branch, { placed, fixed, under }, joints, weight, most, work, own) {
-  const { equations } = branch, free = freeOf(branch, placed.length);
+  const { equations } = branch, free = jointsOf(branch);
   const away = (x) => norm(x.map((v, j) => (v - placed[j]) * weight[j])), given = work.left;
   const led = (start, iterations) => {
     const onto = project(equations, start, free, iterations);
@@ -372,24 +349,24 @@ function nearestOn(branch, { placed, fixed, under }, joints, weight, most, work,
 
 // From a zero x of the equations along them to one near q: steps of least norm onto their linear parts, and
 // back to q by `relax`, less where that swings.
-function settle(equations, x, q, free, weight) {
+function settle(equations, x, q, joints, weight) {
   let relax = 1, before = null;
   for (let k = 0; k < 60; k++) {
-    const found = equations.map((e) => evaluate(e, x)), delta = x.map((v, j) => (free[j] ? (v - q[j]) * weight[j] : 0));
-    const A = found.map((r, i) => free.map((on, j) => (on ? r.gradient[j] / equations[i].size / weight[j] : 0)));
-    const onto = leastNorm(A, A.map((row, i) => relax * dot(row, delta) - found[i].value / equations[i].size), 1e-9);
-    const step = onto.map((v, j) => (free[j] ? v - relax * delta[j] : 0)), size = norm(step), cut = Math.min(1, 0.5 / Math.max(size, 1e-300));
+    const { values, rows } = slopesAt(equations, x, joints), delta = joints.map((j) => (x[j] - q[j]) * weight[j]);
+    const A = rows.map((row) => row.map((v, i) => v / weight[joints[i]]));
+    const onto = leastNorm(A, A.map((row, i) => relax * dot(row, delta) - values[i]), 1e-9);
+    const step = onto.map((v, i) => v - relax * delta[i]), size = norm(step), cut = Math.min(1, 0.5 / Math.max(size, 1e-300));
     if (before && dot(step, before) < 0) relax /= 2;
     before = step;
-    x = x.map((v, j) => v + (cut * step[j]) / weight[j]);
+    x = x.slice();
+    joints.forEach((j, i) => { x[j] += (cut * step[i]) / weight[j]; });
     if (size < 1e-12) break;
   }
-  return project(equations, x, free, 20);
+  return project(equations, x, joints, 20);
 }
 
 // Places to begin from to all sides of q; the same at every call.
-function* starts(q, free, weight, count) {
-  const joints = free.flatMap((on, j) => (on ? [j] : []));
+function* starts(q, joints, weight, count) {
   const random = generator(7);
   for (let k = 0; k < count; k++) {
     const x = q.slice(), size = 0.3 * (k + 1);

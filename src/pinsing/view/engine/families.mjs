@@ -6,12 +6,12 @@
 // `TrigSum`: sum of amplitude prod q^power cos(phase + rate . q). On boxes: how far it can be off its linear part.
 
 import { turnedInto } from "./limits.mjs";
-import { leastNorm, norm } from "./linear.mjs";
+import { generator, newton, norm } from "./linear.mjs";
 
 const known = new WeakMap(), plain = new WeakMap(); // of a branch, of an equation: made once
 
-// Joints (mask) that occur in the equations of a branch.
-export const freeOf = ({ equations }, n) => Array.from({ length: n }, (_, j) =>
+// Joints that occur in the equations of a branch.
+export const jointsOf = ({ equations }) => [...(equations[0]?.rate[0] ?? []).keys()].filter((j) =>
   equations.some((e) => e.rate.some((r) => r[j]) || e.power?.some((p) => p[j])));
 
 // Value and gradient of an equation at q (n), and the error of the value.
@@ -27,7 +27,7 @@ export function evaluate(equation, q) {
 export function sumsOf(branch, weight) {
   const before = known.get(branch);
   if (before && before.weight.every((w, j) => w === weight[j])) return before;
-  const joints = freeOf(branch, weight.length).flatMap((on, j) => (on ? [j] : []));
+  const joints = jointsOf(branch);
   const sums = branch.equations.map((e) => sumOf(e, joints, weight)), at = sums.map(() => room(joints.length));
   const made = { joints, sums, at, weight: weight.slice(), terms: sums.reduce((n, s) => n + s.amplitude.length, 0) };
   known.set(branch, made);
@@ -113,39 +113,21 @@ export function lowerBound(equation, q) {
   return f && (2 * f) / (g + Math.sqrt(g * g + 2 * equation.curvature * f)) * (1 - 1e-12);
 }
 
-// Point of the branch's equations near q, moved along `free` joints, or null: Gauss-Newton with
-// steps of least norm.
-export function project(equations, q, free, iterations = 60) {
-  let best = null, least = Infinity;
-  const x = q.slice();
-  for (let k = 0; k <= iterations; k++) {
-    const found = equations.map((e) => evaluate(e, x));
-    const f = found.map((r, i) => r.value / equations[i].size);
-    const worst = Math.max(...f.map(Math.abs));
-    if (worst < least) { least = worst; best = x.slice(); }
-    if (worst <= ON || k === iterations) break;
-    const A = found.map((r, i) => free.map((on, j) => (on ? r.gradient[j] / equations[i].size : 0)));
-    const step = leastNorm(A, f.map((v) => -v), worst < 1e-10 ? 1e-6 : 1e-10);
-    const cut = Math.min(1, 0.7 / Math.max(norm(step), 1e-300));
-    for (let j = 0; j < x.length; j++) if (free[j]) x[j] += cut * step[j];
-  }
-  return least <= TOUCHING ? best : null;
+// Values of equations at q (n) over their sizes, and their slopes by some joints.
+export function slopesAt(equations, q, joints) {
+  const found = equations.map((e) => evaluate(e, q));
+  return { values: found.map((r, i) => r.value / equations[i].size), rows: found.map((r, i) => joints.map((j) => r.gradient[j] / equations[i].size)) };
+}
+
+// Point of the branch's equations near q, moved along some joints, or null.
+export function project(equations, q, joints, iterations = 60) {
+  const { q: x, error } = newton(q.map(() => 1), q, joints, (p) => slopesAt(equations, p, joints), iterations, Infinity, ON);
+  return error <= TOUCHING ? x : null;
 }
 
 // What a joint is away from a value: whole turns aside for a revolute one.
 export const apart = (q, value, prismatic) =>
   (prismatic ? q - value : q - value - FULL * Math.round((q - value) / FULL));
-
-// Numbers in [0, 1) that are the same everywhere (mulberry32).
-export function generator(seed) {
-  let a = seed >>> 0;
-  return () => {
-    a = (a + 0x6d2b79f5) >>> 0;
-    let t = Math.imul(a ^ (a >>> 15), 1 | a);
-    t = (t + Math.imul(t ^ (t >>> 7), 61 | t)) ^ t;
-    return ((t ^ (t >>> 14)) >>> 0) / 4294967296;
-  };
-}
 
 // Values of joint j, the others held at q, at which a family is met: ticks beside its slider.
 export function meetings(family, q, j, low, high, prismatic) {
@@ -224,7 +206,7 @@ export function meetingPoses(data, one, two, start, count = 3, tries = 20) {
   const branches = one.branches.flatMap((a) => two.branches.flatMap((b) => { const both = merged(a, b, data.joints); return both ? [both] : []; }));
   for (let k = 0; k < tries; k++) for (const branch of branches) {
     const q = placed(branch, k ? draw() : start, data.joints, span);
-    const free = freeOf(branch, q.length).map((on, j) => on && !branch.values.some((v) => v.joint === j));
+    const free = jointsOf(branch).filter((j) => !branch.values.some((v) => v.joint === j));
     const point = branch.equations.length ? project(branch.equations, q, free) : q;
     if (!point) continue;
     const inside = folded(point, data.joints, span);
@@ -276,7 +258,7 @@ export function curveBranch(family, q, joints) {
   let best = null, least = Infinity;
   for (const branch of family.branches) {
     if (branch.equations.length !== 1) continue;
-    const involved = freeOf(branch, q.length).flatMap((on, j) => (on ? [j] : []));
+    const involved = jointsOf(branch);
     const off = branch.values.reduce((sum, v) => sum + Math.abs(apart(q[v.joint], v.value, joints[v.joint].prismatic)), 0);
     if (involved.length >= 2 && off < least) { least = off; best = { equation: branch.equations[0], involved, values: branch.values }; }
   }

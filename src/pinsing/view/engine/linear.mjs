@@ -7,6 +7,8 @@ export const add = (a, b) => a.map((x, i) => x + b[i]);
 export const subtract = (a, b) => a.map((x, i) => x - b[i]);
 export const scaled = (a, s) => a.map((x) => x * s);
 export const combined = (vectors, c) => vectors.reduce((sum, v, i) => add(sum, scaled(v, c[i])), vectors[0].map(() => 0));
+// What is left of a vector beside orthonormal others.
+export const beside = (u, others) => others.reduce((rest, d) => subtract(rest, scaled(d, dot(d, rest))), u);
 export const transpose = (A) => (A.length ? A[0].map((_, j) => A.map((row) => row[j])) : []);
 export function times(A, v) {
   const out = new Array(A.length);
@@ -211,4 +213,37 @@ export function nullVector(A) {
 export function determinant(A) {
   const { diagonal, sign } = factored(rowsOf(A), A.length);
   return diagonal.reduce((product, d) => product * d, sign);
+}
+
+export const CLOSED = 1e-11; // a residual up to this counts as closed
+export const worst = (values) => values.reduce((most, v) => Math.max(most, Math.abs(v)), 0);
+
+// Newton's method by the joints `used`, in units of `metric`, none further than `reach` from the start: the best { q,
+// error } of what `system(q)` says is to vanish, { values, rows (slopes by these joints) }.
+//
+// Steps are cut at half a radian: far from closure Newton's own would jump between assembly modes.
+export function newton(metric, start, used, system, steps, reach = Infinity, goal = 1e-15) {
+  let q = start.slice(), kept = q, best = Infinity;
+  for (let k = 0; k <= steps; k++) {
+    const { values, rows } = system(q), size = worst(values);
+    if (size >= best && best <= CLOSED) break;
+    if (size < best) { best = size; kept = q; }
+    if (size <= goal) break;
+    const step = leastNorm(rows, values.map((v) => -v), 1e-11), longest = worst(step), cut = longest > 0.5 ? 0.5 / longest : 1;
+    q = q.slice();
+    used.forEach((j, i) => { q[j] += cut * step[i] * metric[j]; });
+    if (!q.every(Number.isFinite) || worst(subtract(q, start).map((v, j) => v / metric[j])) > reach) break;
+  }
+  return { q: kept, error: best };
+}
+
+// Numbers in [0, 1) that are the same everywhere (mulberry32).
+export function generator(seed) {
+  let a = seed >>> 0;
+  return () => {
+    a = (a + 0x6d2b79f5) >>> 0;
+    let t = Math.imul(a ^ (a >>> 15), 1 | a);
+    t = (t + Math.imul(t ^ (t >>> 7), 61 | t)) ^ t;
+    return ((t ^ (t >>> 14)) >>> 0) / 4294967296;
+  };
 }

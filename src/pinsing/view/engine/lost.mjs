@@ -4,7 +4,7 @@
 // A pure force through the tip takes a translation away, a pure moment a rotation, a force off the
 // tip the motion of a line along itself, any other wrench the motion on a screw.
 
-import { add, combinations, combined, cross, dot, identity, leastNorm, leftWhere, norm, scaled, subtract, svd, times, transpose } from "./linear.mjs";
+import { add, beside, combinations, combined, cross, dot, identity, leastNorm, leftWhere, norm, scaled, subtract, svd, times, transpose } from "./linear.mjs";
 import { inBase, measure, pointUp, rankOf } from "./measures.mjs";
 
 const ALIGNED = (0.1 * Math.PI) / 180;
@@ -37,9 +37,8 @@ function niceBasis(vectors, rotation) {
   if (!vectors.length) return [];
   const inside = leftWhere(transpose(vectors), (s, most) => s > 0.5 * most), chosen = [];
   for (const axis of [...transpose(rotation), [1, 0, 0], [0, 1, 0], [0, 0, 1], ...inside]) {
-    const inner = inside.reduce((sum, d) => add(sum, scaled(d, dot(d, axis))), [0, 0, 0]);
-    const rest = chosen.reduce((r, c) => subtract(r, scaled(c, dot(r, c))), inner);
-    if (norm(subtract(axis, inner)) > ALIGNED || norm(rest) < 0.1) continue;
+    const off = beside(axis, inside), rest = beside(subtract(axis, off), chosen);
+    if (norm(off) > ALIGNED || norm(rest) < 0.1) continue;
     chosen.push(scaled(rest, 1 / norm(rest)));
     if (chosen.length === inside.length) break;
   }
@@ -182,7 +181,7 @@ function regained(data, q, own, missing, rank) {
 
 // Orthonormal basis of what is left of some vectors beside orthonormal others.
 function without(vectors, others) {
-  const rest = vectors.map((u) => others.reduce((r, d) => subtract(r, scaled(d, dot(d, u))), u));
+  const rest = vectors.map((u) => beside(u, others));
   return rest.length ? leftWhere(transpose(rest), (s) => s > 0.5) : [];
 }
 

@@ -1,7 +1,7 @@
 // What is read off a configuration and its Jacobian: singular values, verdict, ellipsoids, tip speeds.
 
 import { frameOf, jacobian, placements } from "./chain.mjs";
-import { combinations, cross, dot, norm, nullVector, product, scaled, svd, times, transpose } from "./linear.mjs";
+import { beside, combinations, cross, dot, norm, nullVector, product, scaled, svd, times, transpose } from "./linear.mjs";
 
 // Rows of the task, translations over the length scale; R is the rotation of the tip, whose axes
 // some of the rows may be along (`task.atTip`).
@@ -58,14 +58,7 @@ export function ellipsoids(J, rtol, shown) {
 function atRest(rows, others, rtol) {
   const { sigma, right } = svd(others);
   const kept = right.filter((_, k) => sigma[k] > rtol * Math.max(sigma[0], 1e-300));
-  return rows.map((row) => {
-    const out = row.slice();
-    for (const r of kept) {
-      const part = dot(row, r);
-      for (let i = 0; i < out.length; i++) out[i] -= part * r[i];
-    }
-    return out;
-  });
+  return rows.map((row) => beside(row, kept));
 }
 
 // Semi-axes as they are drawn, metres: what is flat is thickened to be seen, what is no motion is nothing.

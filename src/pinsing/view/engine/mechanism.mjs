@@ -12,10 +12,8 @@
 // and B. Benhabib, 1995).
 
 import { frameOf, jacobian, placements } from "./chain.mjs";
-import { generator } from "./families.mjs";
-import { add, cross, determinant, dot, identity, leastNorm, norm, product, rotationVector, scaled, subtract, svd, times, transpose } from "./linear.mjs";
+import { add, CLOSED, cross, determinant, dot, generator, identity, leastNorm, newton, norm, product, rotationVector, scaled, subtract, svd, times, transpose, worst } from "./linear.mjs";
 
-export const CLOSED = 1e-11; // a residual up to this counts as closed
 const ROWS = { planar: 2, "3d": 3, "6d": 6 }, FULL = 2 * Math.PI;
 
 // Residual (k) and constraint Jacobian G (k x n) at q (n). Rows of a loop are in the axes of its first
@@ -39,8 +37,6 @@ export function closure(data, q, columns = jacobian) {
   }
   return { residual, G, places };
 }
-
-export const worst = (values) => values.reduce((most, v) => Math.max(most, Math.abs(v)), 0);
 
 // Task rows of the output (m x n) by all joints.
 export function output(data, places, columns = jacobian) {
@@ -69,26 +65,7 @@ export const everyJoint = (data) => data.joints.map(() => true);
 export function gaussNewton(data, start, free) {
   const used = free.flatMap((on, j) => (on ? [j] : []));
   const system = (q) => { const { residual, G } = closure(data, q); return { values: residual, rows: G.map((row) => used.map((j) => row[j])) }; };
-  return newton(data, start, used, system, 60);
-}
-
-// Newton's method by the joints `used`, none further than `reach` from the start: the best { q, error } of what
-// `system(q)` says is to vanish, { values, rows (slopes by these joints) }.
-//
-// Steps are cut at half a radian: far from closure Newton's own would jump between assembly modes.
-export function newton(data, start, used, system, steps, reach = Infinity) {
-  let q = start.slice(), kept = q, best = Infinity;
-  for (let k = 0; k <= steps; k++) {
-    const { values, rows } = system(q), size = worst(values);
-    if (size >= best && best <= CLOSED) break;
-    if (size < best) { best = size; kept = q; }
-    if (size <= 1e-15) break;
-    const step = leastNorm(rows, values.map((v) => -v), 1e-11), longest = worst(step), cut = longest > 0.5 ? 0.5 / longest : 1;
-    q = q.slice();
-    used.forEach((j, i) => { q[j] += cut * step[i] * data.metric[j]; });
-    if (!q.every(Number.isFinite) || worst(subtract(q, start).map((v, j) => v / data.metric[j])) > reach) break;
-  }
-  return { q: kept, error: best };
+  return newton(data.metric, start, used, system, 60);
 }
 
 // Closed configurations that random starts lead to; joints that are not `free` stay at `start`.

@@ -1,7 +1,7 @@
 // Motions to play: into a singular pose of a mechanism, and along the locus that it lies on.
 
-import { add, subtract } from "./linear.mjs";
-import { CLOSED, everyJoint, gapOf, gaussNewton, unrolled, worst, wrap } from "./mechanism.mjs";
+import { add, CLOSED, subtract, worst } from "./linear.mjs";
+import { everyJoint, gapOf, gaussNewton, unrolled, wrap } from "./mechanism.mjs";
 import { refinePoint, sides, trace } from "./singular_points.mjs";
 
 const FRAMES = 48, FAR = 1, STEP = 0.05, SWING = 0.6, JUMP = 0.35, SHORTEST = 6, REGULAR = 1e-3;

@@ -3,9 +3,9 @@
 
 import { frameAt } from "./arm.mjs";
 import { distance, nearestOf } from "./distance.mjs";
-import { apart, farFrom, freeOf, generator, project } from "./families.mjs";
+import { apart, farFrom, jointsOf, project } from "./families.mjs";
 import { endsOf, isOutside, outside, turnedInto } from "./limits.mjs";
-import { norm } from "./linear.mjs";
+import { generator, norm } from "./linear.mjs";
 import { measure } from "./measures.mjs";
 
 const SWING = 0.6, LONGEST_STEP = 0.35;
@@ -44,7 +44,6 @@ const mix = (a, b, t) => a.map((x, i) => x + t * (b[i] - x));
 
 // A closed curve on a family through `start`, all joints swinging; [] where none was found.
 export function along(data, family, start, frames = 54) {
-  const n = start.length;
   const branch = family.branches.reduce((best, b) => (off(b, start, data) < off(best, start, data) ? b : best));
   const limits = data.joints.map((joint) => joint.span);
   for (const size of [1, 0.6, 0.3, 0.12]) {
@@ -59,7 +58,7 @@ export function along(data, family, start, frames = 54) {
         return s + (both >= 0.4 * Math.abs(one) ? both * Math.sin(rhythm * phase) : (one * (1 - Math.cos(rhythm * phase))) / 2);
       });
       for (const v of branch.values) q[v.joint] = start[v.joint];
-      const found = branch.equations.length ? project(branch.equations, q, freeOf(branch, n)) : q;
+      const found = branch.equations.length ? project(branch.equations, q, jointsOf(branch)) : q;
       if (!found) break;
       path.push(found);
     }
@@ -156,8 +155,7 @@ class Sites {
   }
 
   add({ values, equations }, q) {
-    const free = equations.length ? freeOf({ equations }, this.joints.length) : [];
-    this.points.push([...values.map((v) => [v.joint, v.value]), ...free.flatMap((on, j) => (on ? [[j, q[j]]] : []))]);
+    this.points.push([...values.map((v) => [v.joint, v.value]), ...jointsOf({ equations }).map((j) => [j, q[j]])]);
   }
 
   // No family is farther from q than this.
@@ -208,8 +206,7 @@ const singularAt = (data, q) => measure(data, q).status === "singular" ||
 
 // A point of the branch within the limits: whole turns first, then joints at their limits are held.
 function settled({ joints }, branch, start) {
-  let q = start.map((v, j) => turnedInto(endsOf(joints[j]), v, joints[j].prismatic));
-  const free = freeOf(branch, q.length);
+  let q = start.map((v, j) => turnedInto(endsOf(joints[j]), v, joints[j].prismatic)), free = jointsOf(branch);
   for (let round = 0; round < TURNS; round++) {
     const beyond = joints.map((joint, j) => {
       const [low, high] = endsOf(joint);
@@ -218,7 +215,7 @@ function settled({ joints }, branch, start) {
     if (beyond.every((end) => end === null)) return q;
     if (beyond.some((end, j) => end !== null && branch.values.some((v) => v.joint === j))) return null;
     q = q.map((v, j) => beyond[j] ?? v);
-    beyond.forEach((end, j) => { if (end !== null) free[j] = false; });
+    free = free.filter((j) => beyond[j] === null);
     if (!branch.equations.length) continue;
     q = project(branch.equations, q, free);
     if (!q) return null;

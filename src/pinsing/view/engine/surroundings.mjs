@@ -1,10 +1,9 @@
 // What surrounds a pose of a mechanism: how far each input can go, the other modes, the clearest pose; and inputs
 // that are given: within their limits, and one after the other as a file has them.
 
-import { generator } from "./families.mjs";
 import { endsOf, isOutside, outside, turnedInto, valueText } from "./limits.mjs";
-import { scaled, subtract } from "./linear.mjs";
-import { assemblySign, CLOSED, closure, everyJoint, gapOf, gaussNewton, modeOf, modeOrder, motions, passiveOf, randomClosed, worst, wrap } from "./mechanism.mjs";
+import { CLOSED, generator, scaled, subtract, worst } from "./linear.mjs";
+import { assemblySign, closure, everyJoint, gapOf, gaussNewton, modeOf, modeOrder, motions, passiveOf, randomClosed, wrap } from "./mechanism.mjs";
 import { AT_TYPE_2, driven, heldPose, placeOf, poseGap, poseOf, stopWords } from "./pose_drive.mjs";
 import { sides, singularAlong, STEP, trace } from "./singular_points.mjs";
 
