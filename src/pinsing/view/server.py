@@ -124,7 +124,7 @@ def engine_script() -> str:
 
 def script() -> str:
     """Our part of the page's program."""
-    return "\n".join([engine_script(), *(asset(name) for name in SCRIPTS)])
+    return "\n".join(['"use strict";', engine_script(), *(asset(name) for name in SCRIPTS)])
 
 
 def live_html(title: str) -> str:

@@ -1,5 +1,4 @@
 // The tip, dragged: the arm follows as its joints can, and lags where they cannot.
-"use strict";
 
 class Drag {
   // `app` leads the arm (`led(q, goal, hold)`) and says what it holds (`hold(q)`).
@@ -24,11 +23,8 @@ class Drag {
     app.view.touched = true; // the picture stays as it is while it is held
     this.q = frame.q;
     this.hold = app.hold(frame.q);
-    // In the plane through the tip that faces the camera.
-    const normal = viewer.camera.getWorldDirection(new MeshCat.THREE.Vector3());
-    this.plane = new MeshCat.THREE.Plane().setFromNormalAndCoplanarPoint(normal, yUp(frame.tip));
-    const [x, y] = this.pixels(frame.tip, viewer.camera);
-    this.off = [event.clientX - x, event.clientY - y];
+    const [x, y, depth] = this.pixels(frame.tip, viewer.camera);
+    Object.assign(this, { off: [event.clientX - x, event.clientY - y], depth });
     this.goal = frame.tip;
     this.step();
   }
@@ -38,13 +34,12 @@ class Drag {
     return [box.left + x, box.top + y, depth];
   }
 
+  // In the plane through the tip that faces the camera.
   under(event) {
-    const { element, viewer } = this.app.view, box = element.getBoundingClientRect(), { Vector2, Raycaster, Vector3 } = MeshCat.THREE;
-    const at = new Vector2(((event.clientX - this.off[0] - box.left) / box.width) * 2 - 1, 1 - ((event.clientY - this.off[1] - box.top) / box.height) * 2);
-    const ray = new Raycaster();
-    ray.setFromCamera(at, viewer.camera);
-    const hit = ray.ray.intersectPlane(this.plane, new Vector3());
-    return hit ? [hit.x, -hit.z, hit.y] : this.goal;
+    const { element, viewer } = this.app.view, box = element.getBoundingClientRect();
+    const across = (event.clientX - this.off[0] - box.left) / box.width, down = (event.clientY - this.off[1] - box.top) / box.height;
+    const { x, y, z } = new MeshCat.THREE.Vector3(2 * across - 1, 1 - 2 * down, this.depth).unproject(viewer.camera);
+    return [x, -z, y];
   }
 
   // As long as it is held: towards the pointer, once a picture.

@@ -1,5 +1,4 @@
 // Labels of what is drawn, as text over the view: inside it, beside the legend and beside each other.
-"use strict";
 
 const GAP = 8; // px between a point and its label
 

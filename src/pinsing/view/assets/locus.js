@@ -1,5 +1,4 @@
 // The equation of a family as one for a joint, and its curve over two joints, the others on sliders.
-"use strict";
 
 const LOCUS = { wide: 320, high: 210, frame: [[44, 312], [180, 8]] }; // frame: from where to where, across and up
 

@@ -1,5 +1,4 @@
 // Ties the view, the panel and the player together, and computes what they show of an arm.
-"use strict";
 
 const SHARPER = [1e6, 1e7]; // terms of equations, one after the other, that a pose at rest is worth
 const SHOWN_AT_MOST = 400; // samples of a file
@@ -306,13 +305,10 @@ class App {
 
   // The same of rows that the page has read by itself, samples in radians and metres.
   follow(name, rows) {
-    const { families, joints } = this.engine, found = Engine.crossings(families, rows, joints), last = rows.length - 1;
+    const { families, joints } = this.engine, found = Engine.crossings(families, rows, joints);
     const met = found.flatMap(({ name: family, at }) => at.map((t) => ({ t, kind: "meets", family }))).sort((a, b) => a.t - b.t).slice(0, 30);
-    const times = [...new Set([...evenly(rows), ...met.map(({ t }) => t)])].sort((a, b) => a - b), between = (t) => {
-      const a = rows[Math.floor(t)], b = rows[Math.min(Math.floor(t) + 1, last)];
-      return a.map((v, j) => v + (t % 1) * (b[j] - v));
-    };
-    const frames = times.map((t) => this.compute(between(t))), away = (f) => f.verdict?.value ?? Infinity;
+    const times = [...new Set([...evenly(rows), ...met.map(({ t }) => t)])].sort((a, b) => a - b);
+    const frames = times.map((t) => this.compute(Engine.rowAt(rows, t))), away = (f) => f.verdict?.value ?? Infinity;
     const worst = frames.reduce((a, b) => (away(b) < away(a) ? b : a)), beyond = [...new Set(frames.flatMap((f) => f.outside))];
     const bad = met.length > 0 || frames.some((f) => f.status === "singular"), verdict = met.length
       ? `crosses ${found.map((f) => f.name).join(", ")}, first at sample ${Number(met[0].t.toFixed(2))}`

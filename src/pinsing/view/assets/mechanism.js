@@ -1,5 +1,4 @@
 // A mechanism with closed loops: inputs are dragged, the other joints follow; modes are chosen.
-"use strict";
 
 const SETTLED = 120; // ms without a move
 

@@ -1,5 +1,4 @@
 // The panel of a mechanism with closed loops: sliders of its inputs and its pose, passive joints, modes.
-"use strict";
 
 const MECHANISM_NUMBERS = [
   ["one", "\u03c3 type 1", "Smallest output motion over that of the free links: zero where the output loses a direction"],

@@ -1,6 +1,5 @@
 // Keeps a moving picture smooth: where it cannot be drawn in time (graphics without a card), it is drawn
 // with fewer points while it moves, and with all of them once it rests.
-"use strict";
 
 const PACE = { slow: 60, stuck: 250, rest: 300, coarse: 0.4, looks: 3 }; // ms between pictures, ms, points a side, pictures
 

@@ -1,5 +1,4 @@
 // The side panel: all text goes in as text nodes, never as markup.
-"use strict";
 
 const $ = (id) => document.getElementById(id);
 

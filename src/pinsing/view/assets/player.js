@@ -1,5 +1,4 @@
 // Plays the frames of a path: a scrub bar, a button, keys.
-"use strict";
 
 const ICONS = { Play: "M4 3v10l9-5z", Pause: "M4 3h3v10H4zM9 3h3v10H9z" };
 

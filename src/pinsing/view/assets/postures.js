@@ -1,5 +1,4 @@
 // The postures of one pose: click one, watch the way to it.
-"use strict";
 
 class Postures {
   constructor(app, postures) {

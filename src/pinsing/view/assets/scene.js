@@ -1,5 +1,4 @@
 // The meshcat view: applies a frame to the scene that Python drew.
-"use strict";
 
 const LOST_LABELS = { translation: "lost translation", rotation: "lost rotation", line: "lost: along this line", screw: "lost: this screw motion" };
 

@@ -1,5 +1,4 @@
 // What computes beside the page, and the program behind it, which leads it.
-"use strict";
 
 // The stream of that program: what it shows, first (`start`) and later (`app.pushed`). It is opened before
 // there is anything to show.

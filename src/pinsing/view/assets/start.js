@@ -1,5 +1,4 @@
 // Brings the page up.
-"use strict";
 
 const ENDED = "the program that serves this page has ended";
 

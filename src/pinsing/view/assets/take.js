@@ -1,5 +1,4 @@
 // What goes out of the page and comes into it: poses as text and links, pictures, trajectory files.
-"use strict";
 
 const trimmed = (q) => q.map((v) => Number(v.toFixed(9)));
 

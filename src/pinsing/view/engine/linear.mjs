@@ -27,6 +27,13 @@ export function product(A, B) {
   }
   return out;
 }
+// Rows along which something moves: at a place counted from 0, with parts of one; and a number of places, slowly at both ends.
+export function rowAt(rows, place) {
+  const a = rows[Math.floor(place)], b = rows[Math.min(Math.floor(place) + 1, rows.length - 1)];
+  return a.map((v, j) => v + (place % 1) * (b[j] - v));
+}
+export const eased = (rows, count) => Array.from({ length: count }, (_, k) =>
+  rowAt(rows, ((1 - Math.cos((Math.PI * k) / (count - 1))) / 2) * (rows.length - 1)));
 export const identity = (n) => Array.from({ length: n }, (_, i) => Array.from({ length: n }, (_, j) => (i === j ? 1 : 0)));
 
 // All choices of so many of some items.

@@ -58,12 +58,14 @@ export function unrolled(data, rows) {
   return out;
 }
 
-export const passiveOf = (data) => data.joints.map((_, j) => !data.actuated.includes(j));
-export const everyJoint = (data) => data.joints.map(() => true);
+export const everyJoint = (data) => [...data.joints.keys()];
+export const passiveOf = (data) => everyJoint(data).filter((j) => !data.actuated.includes(j));
 
-// Close the loops by moving the `free` joints (mask) least: { q, error }.
-export function gaussNewton(data, start, free) {
-  const used = free.flatMap((on, j) => (on ? [j] : []));
+// Rows of a matrix that picks some joints.
+export const unitRows = (data, joints) => joints.map((j) => data.joints.map((_, i) => (i === j ? 1 : 0)));
+
+// Close the loops by moving the joints `used` least: { q, error }.
+export function gaussNewton(data, start, used = everyJoint(data)) {
   const system = (q) => { const { residual, G } = closure(data, q); return { values: residual, rows: G.map((row) => used.map((j) => row[j])) }; };
   return newton(data.metric, start, used, system, 60);
 }
@@ -73,7 +75,7 @@ export function randomClosed(data, count, seed, free = everyJoint(data), start =
   const random = generator(seed), out = [];
   for (let k = 0; k < count; k++) {
     const drawn = data.joints.map(({ prismatic }) => (2 * random() - 1) * (prismatic ? data.task.lengthScale : Math.PI));
-    const { q, error } = gaussNewton(data, start.map((v, j) => (free[j] ? drawn[j] : v)), free);
+    const { q, error } = gaussNewton(data, start.map((v, j) => (free.includes(j) ? drawn[j] : v)), free);
     if (error <= CLOSED) out.push(wrap(data, q));
   }
   return out;
@@ -128,18 +130,16 @@ export function stateAt(data, q) {
   const controlled = drive.sigma.filter((s) => s > rtol).length;
   return {
     q: q.slice(), ...found, kind, near: kind === "regular" && Math.min(found.constraint, found.one, found.two) <= nearRtol,
-    mode: modeOf(data, q), places: known.places, place: frameOf(data.chain.tip, known.places), velocity: controlled === d ? velocityOf(data, outputs, drive) : null,
+    mode: modeOf(data, q), places: known.places, place: frameOf(data.chain.tip, known.places), velocity: controlled === d ? velocityOf(data, found) : null,
     lost: across.left.slice(reached, Math.max(reached, data.ranks.output)),
     uncontrolled: drive.left.slice(controlled).map((v) => times(outputs, v)),
   };
 }
 
-// J N (S N)^+ in metres and radians; `drive` is the decomposition of (S N)^T.
-function velocityOf(data, outputs, drive) {
-  const units = data.task.rows.map((r) => (r < 3 ? 1 / data.task.lengthScale : 1));
-  const moved = drive.sigma.map((_, k) => times(outputs, drive.left[k]));
-  return units.map((unit, i) => data.actuated.map((j, a) =>
-    drive.sigma.reduce((sum, s, k) => sum + (moved[k][i] * drive.right[k][a]) / s, 0) / (unit * data.metric[j])));
+// J N (S N)^+ in metres and radians.
+function velocityOf({ task, actuated, metric }, { inputs, outputs }) {
+  const motions = identity(inputs.length).map((input) => leastNorm(inputs, input));
+  return task.rows.map((r, i) => actuated.map((j, a) => (dot(outputs[i], motions[a]) * (r < 3 ? task.lengthScale : 1)) / metric[j]));
 }
 
 // Sine of each elbow angle: positive to the left about the crank's axis. Of a leg whose axes meet in one
@@ -161,8 +161,7 @@ const sign = (value) => (Math.abs(value) <= STRAIGHT ? "0" : value > 0 ? "+" : "
 export function assemblyValue(data, q) {
   if (!data.assembly) return null;
   const { rows, sign: home } = data.assembly, { G } = closure(data, q);
-  const passive = data.joints.flatMap((_, j) => (data.actuated.includes(j) ? [] : [j]));
-  return home * determinant(rows.map((r) => passive.map((j) => G[r][j])));
+  return home * determinant(rows.map((r) => passiveOf(data).map((j) => G[r][j])));
 }
 
 // "+" as at home, "-", "0" at a type 2 singularity, "?" where there is no sign.

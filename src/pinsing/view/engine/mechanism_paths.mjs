@@ -1,7 +1,7 @@
 // Motions to play: into a singular pose of a mechanism, and along the locus that it lies on.
 
-import { add, CLOSED, subtract, worst } from "./linear.mjs";
-import { everyJoint, gapOf, gaussNewton, unrolled, wrap } from "./mechanism.mjs";
+import { add, CLOSED, eased, subtract, worst } from "./linear.mjs";
+import { gapOf, gaussNewton, unrolled, wrap } from "./mechanism.mjs";
 import { refinePoint, sides, trace } from "./singular_points.mjs";
 
 const FRAMES = 48, FAR = 1, STEP = 0.05, SWING = 0.6, JUMP = 0.35, SHORTEST = 6, REGULAR = 1e-3;
@@ -63,13 +63,7 @@ function until(rows, measure) {
 
 // Configurations between rows, slow at the ends, closed again.
 function between(data, rows) {
-  const out = [];
-  for (let k = 0; k < FRAMES; k++) {
-    const x = ((1 - Math.cos((Math.PI * k) / (FRAMES - 1))) / 2) * (rows.length - 1), i = Math.min(Math.floor(x), rows.length - 2);
-    const { q, error } = gaussNewton(data, rows[i].map((v, j) => v + (x - i) * (rows[i + 1][j] - v)), everyJoint(data));
-    if (error <= CLOSED) out.push(q);
-  }
-  return out;
+  return eased(rows, FRAMES).map((row) => gaussNewton(data, row)).filter(({ error }) => error <= CLOSED).map(({ q }) => q);
 }
 
 // Poses on the locus as one input moves away to one side, as far as it goes.

@@ -8,7 +8,7 @@
 import { frameOf, jacobian } from "./chain.mjs";
 import { valueText } from "./limits.mjs";
 import { CLOSED, combined, dot, newton, product, rotationVector, svd, transpose, worst } from "./linear.mjs";
-import { assemblySign, assemblyValue, closure, elbowSines, everyJoint, gaussNewton, motions } from "./mechanism.mjs";
+import { assemblySign, assemblyValue, closure, elbowSines, everyJoint, gaussNewton, motions, unitRows } from "./mechanism.mjs";
 
 const STEP = 0.05, SMALLEST = 1e-6, TURN = 2 * Math.PI, INSIDE = 1e-9, RUN = 12, FAR = 0.2;
 const MOST_ANGLE = 1e6, MOST_WAY = 1000; // radians; radians or length scales
@@ -87,7 +87,7 @@ function ledTo(data, joints, values, q, limits = bounds(data, q)) {
   return led(data, q, worst(values.map(gap)), (x, part) => {
     const { residual, G } = closure(data, x);
     return { values: [...residual, ...joints.map((j, k) => gap(x[j], k) - part * gap(values[k], k))],
-             rows: [...G, ...joints.map((j) => x.map((_, i) => (i === j ? 1 : 0)))] };
+             rows: [...G, ...unitRows(data, joints)] };
   }, limits);
 }
 
@@ -106,12 +106,12 @@ function waysOut(data, q) {
   const { basis, inputs, two } = motions(data, q);
   if (two > AT_TYPE_2) return [];
   const { left } = svd(transpose(inputs)), along = combined(basis, left[left.length - 1]);
-  return [1, -1].map((side) => gaussNewton(data, q.map((v, j) => v + side * LEAVE * along[j] * data.metric[j]), everyJoint(data)).q);
+  return [1, -1].map((side) => gaussNewton(data, q.map((v, j) => v + side * LEAVE * along[j] * data.metric[j])).q);
 }
 
 // Steps on the straight way of what is led, cut where Newton would run off or a joint would pass its limit.
 function led(data, q, distance, values, least = bounds(data, q)) {
-  const every = q.map((_, j) => j), solved = (from, part) => newton(data.metric, from, every, (x) => values(x, part), RUN, FAR), begin = solved(q, 0);
+  const solved = (from, part) => newton(data.metric, from, everyJoint(data), (x) => values(x, part), RUN, FAR), begin = solved(q, 0);
   if (begin.error > CLOSED) return { q: q.slice(), reached: 0, stop: reason(data, q, least) };
   if (distance === 0) return { q: begin.q, reached: 1, stop: null };
   const smallest = Math.min(1, SMALLEST / distance);
@@ -239,7 +239,7 @@ function crossing(data, goal, { q, value, sign }, beyond) {
 }
 
 // Newton from anywhere to the pose: { q, error }.
-export const heldPose = (data, goal, start) => newton(data.metric, start, start.map((_, j) => j), (q) => system(data, q, goal), 40);
+export const heldPose = (data, goal, start) => newton(data.metric, start, everyJoint(data), (q) => system(data, q, goal), 40);
 
 // Greatest difference of the led coordinates of two configurations, without units.
 export function poseGap(data, a, b) {

@@ -5,7 +5,7 @@ import { frameAt } from "./arm.mjs";
 import { distance, nearestOf } from "./distance.mjs";
 import { apart, farFrom, jointsOf, project } from "./families.mjs";
 import { endsOf, isOutside, outside, turnedInto } from "./limits.mjs";
-import { generator, norm } from "./linear.mjs";
+import { eased, generator, norm, rowAt } from "./linear.mjs";
 import { measure } from "./measures.mjs";
 
 const SWING = 0.6, LONGEST_STEP = 0.35;
@@ -29,18 +29,15 @@ export function into(data, moved, goal, frames = 30) {
         const { span: [low, high], prismatic } = data.joints[j], reach = prismatic ? 0.4 * (high - low) : 1.1;
         return Math.min(Math.max(g + (d[j] / most) * reach, Math.min(low, g)), Math.max(high, g));
       });
-      const ratios = Array.from({ length: 9 }, (_, k) => ratioAt(data, mix(begin, goal, k / 8)));
+      const ratios = Array.from({ length: 9 }, (_, k) => ratioAt(data, rowAt([begin, goal], k / 8)));
       let rises = 0;
       for (let k = 1; k < 9; k++) rises += Math.max(0, ratios[k] - ratios[k - 1]);
       if (ratios[0] - 2 * rises > score) { score = ratios[0] - 2 * rises; best = begin; }
     }
     if (score > 0.02) break;
   }
-  const ease = Array.from({ length: frames }, (_, k) => (1 - Math.cos((Math.PI * k) / (frames - 1))) / 2);
-  return ease.map((t, k) => (k === frames - 1 ? goal.slice() : mix(best, goal, t)));
+  return eased([best, goal], frames);
 }
-
-const mix = (a, b, t) => a.map((x, i) => x + t * (b[i] - x));
 
 // A closed curve on a family through `start`, all joints swinging; [] where none was found.
 export function along(data, family, start, frames = 54) {

@@ -6,7 +6,7 @@
 // sign that its vectors give it: of the closure over the output's rows, over the inputs, or alone.
 
 import { add, CLOSED, combined, dot, newton, nullVector, scaled, subtract, svd, transpose, worst } from "./linear.mjs";
-import { closure, gapOf, kindOf, motions, output, unrolled, wrap } from "./mechanism.mjs";
+import { closure, everyJoint, gapOf, kindOf, motions, output, unitRows, unrolled, wrap } from "./mechanism.mjs";
 
 export const STEP = 0.04; // largest step, radians or length scales
 const MOST = 4000, WORTH = 0.3, STEPS = 24, SAME = 1e-6, REACH = 0.6, DIFFERENCE = 1e-5;
@@ -63,7 +63,7 @@ export const moved = (data, q, step) => q.map((v, j) => v + step[j] * data.metri
 export function correct({ data, held }, guess, along = null) {
   const rest = along ? [...held, along] : held, still = rest.map(() => 0);
   const system = (q) => { const { residual, G } = closure(data, q); return { values: [...residual, ...still], rows: [...G, ...rest] }; };
-  const { q, error } = newton(data.metric, guess, guess.map((_, j) => j), system, 20, 1);
+  const { q, error } = newton(data.metric, guess, everyJoint(data), system, 20, 1);
   return error <= CLOSED ? q : null;
 }
 
@@ -100,7 +100,7 @@ function back(data, start, first, q, t, step) {
 
 // Singular point { kind, q, converged } of a kind near q, the joints `held` kept.
 export function refinePoint(data, start, kind, held = []) {
-  const { rtol } = data.judge, used = start.flatMap((_, j) => (held.includes(j) ? [] : [j]));
+  const { rtol } = data.judge, used = everyJoint(data).filter((j) => !held.includes(j));
   const { q: found } = newton(data.metric, start, used, (x) => vanishing(data, x, kind, used), STEPS, REACH);
   const q = wrap(data, found), measures = motions(data, q);
   const converged = worst(closure(data, q).residual) <= rtol && measures[MEASURE[kind]] <= rtol;
@@ -129,8 +129,6 @@ function matrixOf(data, q, kind) {
   if (kind === "constraint") return G;
   return [...G, ...(kind === "type 1" ? output(data, places) : unitRows(data, data.actuated))];
 }
-
-const unitRows = (data, joints) => joints.map((j) => data.joints.map((_, i) => (i === j ? 1 : 0)));
 
 // All singular points { kind, q, rangeEnd } along points of a curve of input k, refined; each once, in the turns of
 // the point that it was found from. `rangeEnd`: the input turns back there.

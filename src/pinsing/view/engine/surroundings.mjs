@@ -3,7 +3,7 @@
 
 import { endsOf, isOutside, outside, turnedInto, valueText } from "./limits.mjs";
 import { CLOSED, generator, scaled, subtract, worst } from "./linear.mjs";
-import { assemblySign, closure, everyJoint, gapOf, gaussNewton, modeOf, modeOrder, motions, passiveOf, randomClosed, wrap } from "./mechanism.mjs";
+import { assemblySign, closure, gapOf, gaussNewton, modeOf, modeOrder, motions, passiveOf, randomClosed, wrap } from "./mechanism.mjs";
 import { AT_TYPE_2, driven, heldPose, placeOf, poseGap, poseOf, stopWords } from "./pose_drive.mjs";
 import { sides, singularAlong, STEP, trace } from "./singular_points.mjs";
 
@@ -118,7 +118,7 @@ export function workingByLegs(data, q) {
   const together = poses.flatMap(({ at, legs }) => legs.reduce((all, { joints, found }) =>
     all.flatMap((x) => found.map((y) => x.map((v, j) => (joints.includes(j) ? y[j] : v)))).slice(0, MODES), [at]));
   return together.filter((x) => worst(closure(data, x).residual) <= LOOSE)
-    .map((x) => wrap(data, gaussNewton(data, x, everyJoint(data)).q)).filter((x) => poseGap(data, x, q) <= LOOSE && sameOutput(data, x, q));
+    .map((x) => wrap(data, gaussNewton(data, x).q)).filter((x) => poseGap(data, x, q) <= LOOSE && sameOutput(data, x, q));
 }
 
 // Rows of the output that are not led, as they depend on others, agree as well.
@@ -179,7 +179,7 @@ export function healthiestPose(data, given = [], tries = 160, steps = 60) {
   const around = (q, size) => q.map((v, j) => v + size * data.metric[j] * (2 * random() - 1));
   const found = [];
   const tried = (start) => {
-    const { q: closed, error } = gaussNewton(data, start, everyJoint(data));
+    const { q: closed, error } = gaussNewton(data, start);
     const q = closed.map((v, j) => turnedInto(spans[j], v, data.joints[j].prismatic)), measure = error <= CLOSED ? healthOf(data, q) : 0;
     if (measure > 0) found.push({ q, measure });
     return measure;
