@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
     "Python in src: statements": (35_048, 30_000),
     "Python in src: lines": (67_638, 56_000),
-    "C++, JavaScript, templates, styles: lines": (11_336, 9_500),
+    "C++, JavaScript, templates, styles: lines": (11_185, 9_500),
     "modules": (137, 220),
     "packages directly under pinsing": (15, 16),
     "numbers in module constants": (492, 500),

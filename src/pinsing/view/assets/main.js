@@ -233,7 +233,7 @@ class App {
   }
 
   nearestListed(here) {
-    const { joints, task } = this.engine, away = (q) => Engine.farFrom(q, here, joints, task.lengthScale);
+    const away = (q) => Engine.farFrom(q, here, this.engine);
     const listed = this.page.entries.flatMap(({ name, poses, q, into }, i) => (into && !this.familyOf(i) ? q.map((pose, k) =>
       ({ q: pose, away: away(pose), words: `${name}${poses > 1 ? `, pose ${k + 1}` : ""}` })) : []));
     if (!listed.length) return null;

@@ -7,7 +7,7 @@
 // what the slabs, and the ball of the best point known, leave of it. The box of the least bound is looked at
 // first, and halved.
 
-import { apart, jointsOf, lowerBound, project, slopesAt, sumAt, sumsOf } from "./families.mjs";
+import { apart, farFrom, jointsOf, lowerBound, project, slopesAt, sumAt, sumsOf, unitsOf } from "./families.mjs";
 import { dot, generator, leastNorm, norm } from "./linear.mjs";
 import { measure } from "./measures.mjs";
 
@@ -224,7 +224,7 @@ function shrunk(s, box) {
 const LONG = 200, MOST = 200; // terms of a branch from which on few starts are taken; the most of them
 const CONFIRMED = 1e-6; // singular values: as in the program
 
-const weightsOf = (joints, lengthScale) => joints.map((j) => (j.prismatic ? 1 / lengthScale : 1));
+const weightsOf = (data) => unitsOf(data).map((unit) => 1 / unit);
 
 // No point of a branch is nearer to q than `under`, which is cheap to tell; `placed` is q with its joint
 // values put in, and `fixed` how far that is.
@@ -246,7 +246,7 @@ const CELLS = 240; // of a slider
 // zones { middle, half, far, meeting }: joint ranges, distances by name of family, and by how much more than that the
 // nearest family has to be away unless the second is by `near` more.
 export function zonesAlong(data, { middle, half, far, meeting }, q, j, low, high) {
-  const { joints, task } = data, weight = weightsOf(joints, task.lengthScale), x = q.slice(), step = (high - low) / CELLS, out = [];
+  const { joints } = data, weight = weightsOf(data), x = q.slice(), step = (high - low) / CELLS, out = [];
   let before = null;
   const away = (f) => Math.min(...f.branches.map((b) => glance(b, x, joints, weight).under)) - far[f.name];
   const clear = () => {
@@ -274,7 +274,7 @@ export function distance(data, family, q, terms = 0) {
 // null }. No family is nearer than `lower`, and not that of the point than best.lower. Beyond a glance and a few
 // starts up to `terms` terms of equations are looked at, to bring both bounds together.
 export function nearestOf(data, families, q, terms = 0) {
-  const { joints, task } = data, weight = weightsOf(joints, task.lengthScale), lowers = families.map(() => Infinity), work = { left: terms };
+  const { joints } = data, weight = weightsOf(data), lowers = families.map(() => Infinity), work = { left: terms };
   const places = families.flatMap((family, index) => family.branches.map((branch, k) =>
     ({ index, k, branch, ...glance(branch, q, joints, weight) })));
   places.sort((a, b) => a.under - b.under);
@@ -290,9 +290,7 @@ export function nearestOf(data, families, q, terms = 0) {
       work.left += Math.max(0, share.left);
     }
     lowers[index] = Math.min(lowers[index], found.lower);
-    const first = (one) => one.index * 1e6 + one.k;
-    if (!found.x || found.upper > most || (found.upper === most && best && first(place) > first(best))) return;
-    best = { index, k, family: families[index], branch: k, upper: found.upper, q: found.x };
+    if (found.x && found.upper < most) best = { index, family: families[index], branch: k, upper: found.upper, q: found.x };
   });
   const lower = Math.min(...lowers, best?.upper ?? Infinity);
   return { lower, best: best && { ...best, lower: Math.min(lowers[best.index], best.upper) } };
@@ -301,8 +299,8 @@ export function nearestOf(data, families, q, terms = 0) {
 // Where equations hold at regular configurations too, the rank tells which zeros are the family's own; with
 // those that are known, nearest first.
 function own(data, { points = [] }, q) {
-  const { joints, task } = data, weight = weightsOf(joints, task.lengthScale), off = (x) => norm(x.map((v, j) => (v - q[j]) * weight[j]));
-  const near = points.map((x) => x.map((v, j) => q[j] + apart(v, q[j], joints[j].prismatic))).sort((a, b) => off(a) - off(b));
+  const near = points.map((x) => x.map((v, j) => q[j] + apart(v, q[j], data.joints[j].prismatic)));
+  near.sort((a, b) => farFrom(a, q, data) - farFrom(b, q, data));
   return { near, has: (x) => measure({ ...data, chain: data.nominal ?? data.chain }, x).ratio <= CONFIRMED };
 }
 

@@ -202,7 +202,7 @@ const SAME = 1e-3, SLACK = 1e-9;
 export function meetingPoses(data, one, two, start, count = 3, tries = 20) {
   const random = generator(31), found = [];
   const span = data.joints.map((joint) => joint.span);
-  const draw = () => span.map(([low, high]) => low + random() * (high - low)), far = (a, b) => farFrom(a, b, data.joints, data.task.lengthScale);
+  const draw = () => span.map(([low, high]) => low + random() * (high - low)), far = (a, b) => farFrom(a, b, data);
   const branches = one.branches.flatMap((a) => two.branches.flatMap((b) => { const both = merged(a, b, data.joints); return both ? [both] : []; }));
   for (let k = 0; k < tries; k++) for (const branch of branches) {
     const q = placed(branch, k ? draw() : start, data.joints, span);
@@ -236,9 +236,14 @@ function placed(branch, q, joints, span) {
 // Moved by whole turns into the limits where that can be.
 const folded = (q, joints, span) => q.map((v, j) => turnedInto(span[j], v, joints[j].prismatic));
 
+// What counts as a radian, for each joint.
+export const unitsOf = ({ joints, task }) => joints.map((joint) => (joint.prismatic ? task.lengthScale : 1));
+
 // Distance of configurations x and q, whole turns aside, radians and length scales.
-export const farFrom = (x, q, joints, lengthScale) =>
-  Math.hypot(...x.map((v, j) => apart(q[j], v, joints[j].prismatic) / (joints[j].prismatic ? lengthScale : 1)));
+export function farFrom(x, q, data) {
+  const units = unitsOf(data);
+  return Math.hypot(...x.map((v, j) => apart(q[j], v, data.joints[j].prismatic) / units[j]));
+}
 
 // The first, and others unlike those already chosen.
 function spread(found, count, far) {

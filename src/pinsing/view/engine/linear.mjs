@@ -239,7 +239,7 @@ export function newton(metric, start, used, system, steps, reach = Infinity, goa
     const step = leastNorm(rows, values.map((v) => -v), 1e-11), longest = worst(step), cut = longest > 0.5 ? 0.5 / longest : 1;
     q = q.slice();
     used.forEach((j, i) => { q[j] += cut * step[i] * metric[j]; });
-    if (!q.every(Number.isFinite) || worst(subtract(q, start).map((v, j) => v / metric[j])) > reach) break;
+    if (!(used.reduce((most, j) => Math.max(most, Math.abs(q[j] - start[j]) / metric[j]), 0) <= reach)) break;
   }
   return { q: kept, error: best };
 }

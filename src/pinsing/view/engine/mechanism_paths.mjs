@@ -2,7 +2,7 @@
 
 import { add, CLOSED, eased, subtract, worst } from "./linear.mjs";
 import { gapOf, gaussNewton, unrolled, wrap } from "./mechanism.mjs";
-import { refinePoint, sides, trace } from "./singular_points.mjs";
+import { refinePoint, trace } from "./singular_points.mjs";
 
 const FRAMES = 48, FAR = 1, STEP = 0.05, SWING = 0.6, JUMP = 0.35, SHORTEST = 6, REGULAR = 1e-3;
 
@@ -41,9 +41,8 @@ export function mechanismAlong(data, point) {
 
 // Rows from q to the most regular configuration to one side; null if there is none.
 function wayOut(data, q, moving) {
-  const curve = trace(data, q, moving);
   let best = REGULAR, found = null;
-  for (const way of curve ? sides(data, curve, q) : []) {
+  for (const way of trace(data, q, moving)?.ways ?? []) {
     const rows = way.map((p) => p.q), measure = way.map((p) => Math.min(p.one, p.two)), end = until(rows, measure);
     if (measure[end] > best) { best = measure[end]; found = rows.slice(0, end + 1); }
   }

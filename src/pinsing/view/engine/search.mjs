@@ -3,7 +3,7 @@
 
 import { frameAt } from "./arm.mjs";
 import { distance, nearestOf } from "./distance.mjs";
-import { apart, farFrom, jointsOf, project } from "./families.mjs";
+import { apart, farFrom, jointsOf, project, unitsOf } from "./families.mjs";
 import { endsOf, isOutside, outside, turnedInto } from "./limits.mjs";
 import { eased, generator, norm, rowAt } from "./linear.mjs";
 import { measure } from "./measures.mjs";
@@ -101,11 +101,12 @@ const ENOUGH = 1e-3; // radians: what is promised beyond the best
 // where it is largest the distance is looked for, which gives one more site, and the promise falls until
 // it is that of the best pose.
 export function clearestPose(data, given = [], tries = 400) {
-  const random = generator(11), sites = new Sites(data), families = within(data);
-  const limits = data.joints.map(drawnFrom);
+  const random = generator(11), families = within(data), limits = data.joints.map(drawnFrom), unit = unitsOf(data);
+  const sites = families.flatMap(({ branches }) => branches.filter((b) => !b.equations.length).map((b) => siteOf(b, [])));
+  const promise = (q) => promised(sites, q, data.joints, unit), start = (q) => ({ q, promise: promise(q) });
   const looked = (q, terms) => {
     const { lower, best } = nearestOf(data, families, q, terms);
-    if (best) sites.add(best.family.branches[best.branch], best.q);
+    if (best) sites.push(siteOf(best.family.branches[best.branch], best.q));
     return { q, lower, upper: best ? best.upper : Infinity, near: best && { entry: best.family.entry, q: best.q } };
   };
   const score = ({ lower, upper }) => lower + Math.min(upper, 1e9), better = (a, b) => (a && score(a) >= score(b) ? a : b);
@@ -115,9 +116,8 @@ export function clearestPose(data, given = [], tries = 400) {
   const terms = families.reduce((sum, f) => sum + f.branches.reduce((t, b) => t + b.equations.reduce((s, e) => s + e.phase.length, 0), 0), 0);
   const rounds = terms ? Math.min(ROUNDS, Math.max(10, Math.floor(WORK / terms))) : 3;
   for (let round = 0; round < rounds; round++) {
-    const starts = Array.from({ length: tries }, () => { const q = draw(); return { q, promise: sites.promise(q) }; });
-    starts.sort((a, b) => b.promise - a.promise);
-    const climbed = starts.slice(0, 3).concat(top ? [{ q: top.q, promise: sites.promise(top.q) }] : []).map((s) => climb(s, sites, limits, random));
+    const starts = Array.from({ length: tries }, () => start(draw())).sort((a, b) => b.promise - a.promise);
+    const climbed = starts.slice(0, 3).concat(top ? [start(top.q)] : []).map((s) => climb(s, promise, limits, unit, random));
     const next = climbed.reduce((a, b) => (b.promise > a.promise ? b : a));
     if (top && next.promise <= top.lower + ENOUGH) break;
     top = better(top, looked(next.q, LOOK));
@@ -126,11 +126,11 @@ export function clearestPose(data, given = [], tries = 400) {
 }
 
 // A hill of the promise: joint by joint, then all joints at once, in smaller and smaller steps.
-function climb({ q, promise }, sites, limits, random) {
-  let here = { q, promise };
+function climb({ q, promise: first }, promise, limits, unit, random) {
+  let here = { q, promise: first };
   const tried = (step) => {
-    const x = here.q.map((v, j) => (step[j] ? Math.min(limits[j][1], Math.max(limits[j][0], v + step[j] * sites.unit[j])) : v));
-    const found = sites.promise(x);
+    const x = here.q.map((v, j) => (step[j] ? Math.min(limits[j][1], Math.max(limits[j][0], v + step[j] * unit[j])) : v));
+    const found = promise(x);
     if (found <= here.promise) return false;
     here = { q: x, promise: found };
     return true;
@@ -142,32 +142,21 @@ function climb({ q, promise }, sites, limits, random) {
   return here;
 }
 
-// Points of families, each with the joints that make it one: the others are free.
-class Sites {
-  constructor(data) {
-    this.joints = data.joints;
-    this.unit = data.joints.map((joint) => (joint.prismatic ? data.task.lengthScale : 1));
-    this.points = [];
-    for (const { branches } of within(data)) for (const branch of branches) if (!branch.equations.length) this.add(branch, []);
-  }
+// A point of a branch, by the joints that make it one: [[joint, value], ...]; the others are free.
+const siteOf = ({ values, equations }, q) => [...values.map((v) => [v.joint, v.value]), ...jointsOf({ equations }).map((j) => [j, q[j]])];
 
-  add({ values, equations }, q) {
-    this.points.push([...values.map((v) => [v.joint, v.value]), ...jointsOf({ equations }).map((j) => [j, q[j]])]);
-  }
-
-  // No family is farther from q than this.
-  promise(q) {
-    let least = Infinity;
-    for (const point of this.points) {
-      let square = 0;
-      for (const [j, value] of point) {
-        square += (apart(q[j], value, this.joints[j].prismatic) / this.unit[j]) ** 2;
-        if (square >= least) break;
-      }
-      if (square < least) least = square;
+// No family is farther from q than this.
+function promised(sites, q, joints, unit) {
+  let least = Infinity;
+  for (const site of sites) {
+    let square = 0;
+    for (const [j, value] of site) {
+      square += (apart(q[j], value, joints[j].prismatic) / unit[j]) ** 2;
+      if (square >= least) break;
     }
-    return Math.sqrt(least);
+    least = Math.min(least, square);
   }
+  return Math.sqrt(least);
 }
 
 // From where to where a joint is drawn: beyond a turn nothing new is found.
@@ -183,7 +172,7 @@ const TURNS = 4, LISTED = 12, LOOK_AT_EACH = 200000; // LOOK_AT_EACH: terms of e
 // { q, value, least } or null: `q` is singular and within the limits, at `value`; no family is nearer
 // than `least`. Beside points of the families near q, poses that are known (`listed`) are tried.
 export function nearestSingular(data, q, listed = []) {
-  const { joints, task } = data, tried = [];
+  const tried = [];
   let least = Infinity;
   for (const family of data.families) {
     if (family.reachable === false) continue;
@@ -191,7 +180,7 @@ export function nearestSingular(data, q, listed = []) {
     least = Math.min(least, found.lower);
     if (found.q) tried.push(settled(data, family.branches[found.branch], found.q));
   }
-  const far = (x) => farFrom(x, q, joints, task.lengthScale);
+  const far = (x) => farFrom(x, q, data);
   tried.push(...listed.slice().sort((a, b) => far(a) - far(b)).slice(0, LISTED));
   const good = tried.filter((x) => x && !outside(data, x).length && singularAt(data, x)).map((x) => ({ q: x, value: far(x), least }));
   return good.length ? good.reduce((a, b) => (b.value < a.value ? b : a)) : null;

@@ -6,43 +6,25 @@
 // sign that its vectors give it: of the closure over the output's rows, over the inputs, or alone.
 
 import { add, CLOSED, combined, dot, newton, nullVector, scaled, subtract, svd, transpose, worst } from "./linear.mjs";
-import { closure, everyJoint, gapOf, kindOf, motions, output, unitRows, unrolled, wrap } from "./mechanism.mjs";
+import { closure, everyJoint, gapOf, kindOf, motions, output, unitRows, wrap } from "./mechanism.mjs";
 
 export const STEP = 0.04; // largest step, radians or length scales
 const MOST = 4000, WORTH = 0.3, STEPS = 24, SAME = 1e-6, REACH = 0.6, DIFFERENCE = 1e-5;
 const MEASURE = { "type 1": "one", "type 2": "two", constraint: "constraint" };
 
-// Points [{ q, t (unit tangent), one, two, constraint }] of the curve through a closed `start`, input
-// `moving` (its place among the inputs) free, and whether it is closed; null where none begins.
+// The curve through a closed `start`, input `moving` (its place among the inputs) free: { closed, ways: [ahead, behind] },
+// each points [{ q, t (unit tangent), one, two, constraint }] from the start on; null where none begins.
 //
-// It ends where it closes, or at a limit of the moving input; then it is followed to the other side too.
+// It ends at a limit of the moving input, or where it closes; then both ways are all of it, and the next point again.
 export function trace(data, start, moving) {
-  const curve = curveOf(data, moving), q = correct(curve, start);
-  if (!q) return null;
-  const ahead = run(curve, q, null);
-  if (!ahead) return null;
-  let { points } = ahead;
-  if (!ahead.closed) {
-    const behind = run(curve, q, scaled(points[0].t, -1));
-    if (!behind) return null;
-    points = [...behind.points.slice(1).reverse().map((p) => ({ q: p.q, t: scaled(p.t, -1) })), ...points];
-  }
-  return { closed: ahead.closed, points: points.map((p) => {
-    const { one, two, constraint } = motions(data, p.q);
-    return { ...p, one, two, constraint };
-  }) };
-}
-
-// Points of a curve from the one nearest to q on, to both sides, in the turns of q; all of a closed one, and two of
-// them again.
-export function sides(data, { points, closed }, q) {
-  const gaps = points.map((p) => gapOf(data, p.q, q)), here = gaps.indexOf(Math.min(...gaps)), round = points.length - 1;
-  return [1, -1].map((step) => {
-    const way = closed ? Array.from({ length: round + 2 }, (_, k) => points[(here + step * k + 2 * round) % round])
-      : step > 0 ? points.slice(here) : points.slice(0, here + 1).reverse();
-    const rows = unrolled(data, [q, ...way.map((p) => p.q)]);
-    return way.map((p, k) => ({ ...p, q: rows[k + 1] }));
-  });
+  const curve = curveOf(data, moving), q = correct(curve, start), ahead = q && run(curve, q, null);
+  const behind = ahead?.closed ? ahead : ahead && run(curve, q, scaled(ahead.points[0].t, -1));
+  if (!behind) return null;
+  const measured = (p) => { const { one, two, constraint } = motions(data, p.q); return { ...p, one, two, constraint }; };
+  const points = ahead.points.map(measured);
+  if (!ahead.closed) return { closed: false, ways: [points, behind.points.map((p) => measured({ q: p.q, t: scaled(p.t, -1) }))] };
+  const round = subtract(points.at(-1).q, q), back = points.map((p) => ({ ...p, q: subtract(p.q, round) })).reverse();
+  return { closed: true, ways: [[...points, { ...points[1], q: add(points[1].q, round) }], [...back, { ...back[1], q: subtract(back[1].q, round) }]] };
 }
 
 function curveOf(data, moving) {

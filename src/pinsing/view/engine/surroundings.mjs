@@ -5,7 +5,7 @@ import { endsOf, isOutside, outside, turnedInto, valueText } from "./limits.mjs"
 import { CLOSED, generator, scaled, subtract, worst } from "./linear.mjs";
 import { assemblySign, closure, gapOf, gaussNewton, modeOf, modeOrder, motions, passiveOf, randomClosed, wrap } from "./mechanism.mjs";
 import { AT_TYPE_2, driven, heldPose, placeOf, poseGap, poseOf, stopWords } from "./pose_drive.mjs";
-import { sides, singularAlong, STEP, trace } from "./singular_points.mjs";
+import { singularAlong, STEP, trace } from "./singular_points.mjs";
 
 const FULL = 2 * Math.PI, SAME = 1e-4, HERE = 1e-7, STARTS = 48;
 const DISTINCT = 1e-5; // at type 2 two modes are one, of which CLOSED leaves 3e-6
@@ -16,7 +16,7 @@ const DISTINCT = 1e-5; // at type 2 two modes are one, of which CLOSED leaves 3e
 export function stretch(data, q, k) {
   const index = data.actuated[k], { lower: least, upper: most } = data.joints[index], curve = trace(data, q, k);
   if (!curve) return null;
-  const atEnd = motions(data, q).two <= AT_TYPE_2, [ahead, behind] = sides(data, curve, q).map((way) => toTurn(curve, way, index, atEnd));
+  const atEnd = motions(data, q).two <= AT_TYPE_2, [ahead, behind] = curve.ways.map((way) => toTurn(curve, way, index, atEnd));
   const whole = curve.closed && !ahead.turns, mode = atEnd ? "0" : assemblySign(data, q);
   const seen = [...(whole ? [] : behind.points.slice(1).reverse()), ...ahead.points];
   const part = [...(whole ? behind.points.slice(1, 2) : behind.more), ...seen, ...ahead.more];
@@ -35,10 +35,10 @@ export function stretch(data, q, k) {
 
 // Points of a way along a curve up to just beyond where the input turns back, whether it does, and the next
 // point, if any.
-function toTurn({ points }, way, index, atEnd) {
+function toTurn({ closed }, way, index, atEnd) {
   // At a turning point itself the sign is that of the way ahead.
   const first = atEnd ? 1 : 0, end = way.findIndex(({ t }, n) => n > first && Math.sign(t[index]) !== Math.sign(way[first].t[index]));
-  const last = end < 0 ? points.length - 1 : end;
+  const last = end < 0 ? way.length - (closed ? 2 : 1) : end;
   return { points: way.slice(0, last + 1), turns: end >= 0, more: way.slice(last + 1, last + 2) };
 }
 
