@@ -2,24 +2,15 @@
 
 import base64
 import io
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from pinsing.view.picture import find_browser
-
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 SIZE = {"width": 1000, "height": 700}
 BLUE, ORANGE, PINK = (0x00, 0x72, 0xB2), (0xE6, 0x9F, 0x00), (0xC4, 0x18, 0x7C)
-
-
-def require_browser() -> None:
-    """Skip a module of tests where there is no browser, or nothing to drive it."""
-    if find_browser() is None or find_spec("playwright") is None:
-        pytest.skip("needs Chromium or Chrome, and Playwright", allow_module_level=True)
 
 
 def open_page(page: Any, url: str) -> None:

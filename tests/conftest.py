@@ -123,7 +123,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         assert isinstance(item, pytest.Function)
         node = any("Node.js" in m.kwargs.get("reason", "") for m in item.iter_markers("skipif"))
-        if node or "browser" in item.fixturenames or hasattr(item.module, "require_browser"):
+        if node or "browser" in item.fixturenames:
             item.add_marker("outside")
 
 

@@ -30,8 +30,7 @@ def plain(value: Any) -> Any:
     if isinstance(value, JsonResult):
         value = value.to_dict()
     if isinstance(value, dict):
-        times = ("seconds", "check_seconds")
-        return {k: plain(v) for k, v in value.items() if k not in times}
+        return {k: plain(v) for k, v in value.items() if "seconds" not in k}
     return [plain(v) for v in value] if isinstance(value, list | tuple) else value
 
 

@@ -246,33 +246,27 @@ def test_a_flat_ellipsoid_is_a_plate_with_its_lost_direction() -> None:
     assert "translational: lost direction" in labels(ax)
 
 
-@pytest.mark.slow
-def test_singular_values_along_a_way() -> None:
+def test_singular_values_along_a_way_and_where_it_meets_families() -> None:
     arm = ur5()
-    way = at_values([0.1, -1.0, 1.2, 0.3, 0.0, 0.2], 4, np.linspace(-0.5, 0.5, 41))
-    ax = plot.sigma_along(arm, way, times=np.linspace(0, 2, 41))
-    sigma = np.maximum(singular_values(arm, way)[:, -1], 1e-12)
-    np.testing.assert_allclose(named(ax, r"$\sigma_{\min}$").get_ydata(), sigma)
-    assert (ax.get_yscale(), ax.get_xlabel()) == ("log", "time [s]")
-    (mark,) = marks(ax)
-    np.testing.assert_allclose(np.asarray(mark.get_xdata()), [1.0])
-    assert "near-singular" in labels(ax)
-    assert is_outside(ax)
-
-
-def test_families_are_marked_where_a_way_meets_them() -> None:
-    arm = ur5()
-    way = np.linspace([0.1, -1.0, 1.2, 0.3, -0.5, 0.2], [0.1, -1.0, 1.2, 0.3, 0.5, 0.2], 8)
-    ax = plot.sigma_along(arm, way, forms=closed_form(arm))
-    assert ax.get_xlabel() == "path length in joint space [rad]"
-    assert ax.get_xlim() == pytest.approx((0.0, 1.0))
-    places = {text.get_text(): text.xy[0] for text in ax.texts}
-    assert places == {"F2": pytest.approx(0.5)}
-    # Between two configurations of the way: the line comes down to it all the same.
-    (dot,) = marks(ax)
-    np.testing.assert_allclose(np.asarray(dot.get_xdata()), [0.5])
-    values = named(ax, r"$\sigma_{\min}$").get_ydata()
-    assert (len(values), np.argmin(values)) == (9, 4)
+    way = at_values([0.1, -1.0, 1.2, 0.3, 0.0, 0.2], 4, np.linspace(-0.5, 0.5, 8))
+    for times, length, said in (
+        (None, 1.0, "path length in joint space [rad]"),
+        (np.linspace(0, 2, 8), 2.0, "time [s]"),
+    ):
+        ax = plot.sigma_along(arm, way, times=times, forms=closed_form(arm))
+        assert (ax.get_yscale(), ax.get_xlabel()) == ("log", said)
+        assert ax.get_xlim() == pytest.approx((0.0, length))
+        places = {text.get_text(): text.xy[0] for text in ax.texts}
+        assert places == {"F2": pytest.approx(length / 2)}
+        # Between two configurations of the way: the line comes down to it all the same.
+        (dot,) = marks(ax)
+        np.testing.assert_allclose(np.asarray(dot.get_xdata()), [length / 2])
+        values = named(ax, r"$\sigma_{\min}$").get_ydata()
+        assert (len(values), np.argmin(values)) == (9, 4)
+        sigma = singular_values(arm, way)[:, -1]
+        np.testing.assert_allclose(np.delete(values, 4), sigma)
+        assert "near-singular" in labels(ax)
+        assert is_outside(ax)
 
 
 def test_a_slice_holds_the_best_of_each_place() -> None:
@@ -372,13 +366,16 @@ def orthogonal(d2, d3, d4, r2, r3=0.0):
 TURNS = [(-90, 0.3, 0.1), (60, 0.7, 0.25), (0, 0.5, 0.2)]
 SLIDES = [*TURNS[:2], (0, 0.1, 0, 0, "prismatic", (0.2, 1.0))]
 REACHED = [
-    # rows, whether limits count, cusps, nodes, numbers of solutions; None: not said
+    # rows, whether limits count, cusps, nodes (or their heights), numbers of solutions; None: any
     (orthogonal(1, 2, 1.5, 1), False, 4, 0, {0, 2, 4}),
     (orthogonal(1, 2, 0.2, 1), False, 0, 0, {0, 2}),
     (orthogonal(1, 2, 1.5, 0), False, 0, None, {0, 2, 4}),
     (orthogonal(1, 1.5, 0.6, 0.3), False, 4, 2, {0, 2, 4}),
     (orthogonal(1, 0.5, 0.7, 0.2), False, 0, 0, {0, 2, 4}),
     ([(90, 0, 0.4), (0, 0.5, 0), (0, 0.4, 0)], False, None, None, {0, 4}),
+    # What only rounding crosses is no node: curves on each other, and one of a single place.
+    ([(-90, 0, 0), (90, 1, 0), (0, 1.5, 0.5)], False, None, [], None),
+    ([(-90, 0, 0), (90, 1, 1), (0, 1.5, 0)], False, None, [-(0.125**0.5), 0.125**0.5], None),
     (TURNS, False, None, None, None), (SLIDES, True, None, None, None),
 ]  # fmt: skip
 
@@ -400,7 +397,9 @@ def test_places_are_reached_in_as_many_ways_as_are_found(rows, limits, cusps, no
         target = [found.r[j] * math.cos(angle), found.r[j] * math.sin(angle), found.z[k]]
         known = pinsing.inverse(arm, target)
         assert found.count[k, j] == sum(s.within_limits or not limits for s in known)
-    assert nodes is None or len(found.nodes) == nodes
+    if isinstance(nodes, list):
+        assert np.sort(found.nodes[:, 1]) == pytest.approx(nodes)
+    assert isinstance(nodes, list | None) or len(found.nodes) == nodes
     assert counts is None or set(np.unique(found.count)) == counts
     assert cusps is None or len(found.cusps) == cusps
     for q in found.cusp_joints:
@@ -409,19 +408,6 @@ def test_places_are_reached_in_as_many_ways_as_are_found(rows, limits, cusps, no
     for r, z in found.cusps:
         near = np.hypot(found.r[None, :] - r, found.z[:, None] - z) < 0.4
         assert {2, 4} <= set(np.unique(found.count[near]))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("rows", "nodes"),
-    [(((-90, 0, 0), (90, 1, 0), (0, 1.5, 0.5)), 0), (((-90, 0, 0), (90, 1, 1), (0, 1.5, 0)), 2)],
-    ids=["curves on each other", "a curve of one place"],
-)
-def test_what_only_rounding_crosses_is_no_node(rows, nodes):
-    places = reach_of(dh_arm(rows, "position"), 40, False).nodes
-    assert len(places) == nodes
-    if nodes:
-        assert np.sort(places[:, 1]) == pytest.approx([-math.sqrt(1 / 8), math.sqrt(1 / 8)])
 
 
 def test_counts_are_right_where_joints_end():

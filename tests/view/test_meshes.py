@@ -190,26 +190,6 @@ def test_bones_stand_for_meshes_that_are_missing_or_broken_and_we_alone_say_so(t
         assert any(name in note for note in page["notes"])
 
 
-@pytest.mark.slow
-def test_geometry_is_that_of_pinocchio(tmp_path):
-    (tmp_path / "good.stl").write_bytes(GOOD)
-    (tmp_path / "part.ply").write_bytes(PLY)
-    file = tmp_path / "arm.urdf"
-    file.write_text(robot_with("good.stl", "part.ply", scale="0.5 2 1"))
-    source = load(file, task="wx,wz").source
-    ours, read, notes = meshes.read_geometry(source.full_model, source.xml)
-    theirs = pin.buildGeomFromUrdfString(source.full_model, source.xml, pin.VISUAL)
-    assert notes == ()
-    assert [g.name for g in ours.geometryObjects] == [g.name for g in theirs.geometryObjects]
-    for mine, their in zip(ours.geometryObjects, theirs.geometryObjects, strict=True):
-        assert (mine.meshPath, mine.parentJoint) == (their.meshPath, their.parentJoint)
-        assert mine.placement.isApprox(their.placement)
-        np.testing.assert_array_equal(mine.meshScale, their.meshScale)
-        np.testing.assert_array_equal(mine.meshColor, their.meshColor)
-    (part,) = read[tmp_path / "part.ply"]
-    assert part.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 2, 0]]
-
-
 def test_meshes_read_once_are_read_from_the_disk(tmp_path, monkeypatch):
     monkeypatch.setenv("PINSING_CACHE", str(tmp_path / "cache"))
     file = tmp_path / "one.ply"

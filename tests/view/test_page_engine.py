@@ -11,11 +11,11 @@ from arms import textbook
 from dh_arms import dh_text
 from node import ask, needs_node, run
 from numpy.typing import NDArray
+from singular_sets import terms
 from tiers import tiered, tiered_rows
 from urdf_text import J, Y, Z, frame, urdf
 
 from pinsing import at, check_trajectory, closed_form, load, singular_values
-from pinsing.algebra.equation import Equation
 from pinsing.kinematics.jacobian import frame_jacobian, ratios, status_of, tip_placement
 from pinsing.measures import pure_ellipsoids
 from pinsing.robot.arm import Arm
@@ -44,17 +44,14 @@ def engine(arm: Arm, poses: int = 1) -> tuple[dict[str, Any], tuple[Entry, ...]]
 
 def wave(frequencies: Any, cos: Any, sin: Any, powers: Any = 0) -> dict[str, Any]:
     """An equation of the page; frequencies are doubled, as in an Equation."""
-    table, waves = np.array(frequencies), np.array([cos, sin], dtype=float)
-    joints = tuple(f"q{j + 1}" for j in range(table.shape[1]))
-    given = {"frequencies": table, "powers": 0 * table + powers, "cos": waves[0], "sin": waves[1]}
-    return equation_data(Equation(**given, shift=np.zeros(len(joints)), joints=joints))
+    table = np.array(frequencies)
+    rows = zip(table, 0 * table + powers, cos, sin, strict=True)
+    return equation_data(terms(*rows))
 
 
-def arm_of(name: str, tmp_path: Path) -> Arm:
+def arm_of(name: str) -> Arm:
     if name == "mimic":
-        path = tmp_path / "pair.urdf"
-        path.write_text(MIMIC)
-        return load(path, task="vx,vz")
+        return load(MIMIC, task="vx,vz")
     name, _, scale = name.partition(" at ")
     name, _, task = name.partition(" ")
     return load(name, task=task or "pose", length_scale=float(scale or 1))
@@ -69,8 +66,8 @@ ODD = ("stanford at 3e8", "stanford vz,wx at 1e-3", "planar3r vx", "planar3r pos
 
 
 @pytest.mark.parametrize("name", tiered(ARMS + ODD, ("mimic",)))
-def test_frames_singular_values_and_verdicts_agree(name: str, tmp_path: Path) -> None:
-    arm = arm_of(name, tmp_path)
+def test_frames_singular_values_and_verdicts_agree(name: str) -> None:
+    arm = arm_of(name)
     rng = np.random.default_rng(5)
     data = engine_data(arm, family_entries(arm, (), 0), sizes(arm))
     Q = rng.uniform(*arm.span, (300, arm.n))
@@ -98,8 +95,8 @@ def test_frames_singular_values_and_verdicts_agree(name: str, tmp_path: Path) ->
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", tiered(ARMS, ("stanford",)))
-def test_what_is_shown_is_what_python_shows(name: str, tmp_path: Path) -> None:
-    arm = arm_of(name, tmp_path)
+def test_what_is_shown_is_what_python_shows(name: str) -> None:
+    arm = arm_of(name)
     rng = np.random.default_rng(8)
     data, entries = engine(arm)
     Q = np.concatenate([rng.uniform(*arm.span, (4, arm.n)), arm.span[1][None] + 0.5])

@@ -280,34 +280,20 @@ def test_what_is_no_request_leaves_no_line_in_the_log(request_text, server, capl
     assert not [r for r in caplog.records if r.levelno >= logging.WARNING]
 
 
-def test_links_without_number_are_dropped(monkeypatch: Any, caplog: Any) -> None:
-    monkeypatch.setattr("pinsing.view.server._MOST_LINKS", 5)
-    server = served()
-    held = [linked(server) for _ in range(8)]
-    assert [what_comes(link) for link in held[:3]] == [b""] * 3  # the oldest make room
-    for link in held:
-        link.close()
-    soon(lambda: server._http is not None and not server._http._held, 10)
-    for _ in range(7):  # pages are counted by themselves
-        Tab(server)
-    assert raw(server, f"/{token(server)}/")[0] == 200
-    server.close()
-    assert not caplog.records
-
-
 HALF = (
     b"", b"GET /", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n",
     b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 9\r\n\r\nx",
 )  # fmt: skip
 
 
-def test_half_open_links_lock_nobody_out_and_are_dropped(monkeypatch: Any) -> None:
-    monkeypatch.setattr("pinsing.view.server._MOST_LINKS", 40)
+def test_half_open_links_lock_nobody_out_and_are_dropped(monkeypatch: Any, caplog: Any) -> None:
+    monkeypatch.setattr("pinsing.view.server._MOST_LINKS", 5)
     monkeypatch.setattr("pinsing.view.server._REQUEST_SECONDS", 1.5)
     server = served()
-    tab = Tab(server)
+    tabs = [Tab(server) for _ in range(7)]  # pages are counted by themselves
     held = [linked(server, half, 10) for half in HALF * 60]
     begun = time.monotonic()
+    assert [what_comes(link) for link in held[:3]] == [b""] * 3  # the oldest make room
     for _ in range(3):
         assert raw(server, f"/{token(server)}/")[0] == 200
     assert time.monotonic() - begun < 1
@@ -316,7 +302,9 @@ def test_half_open_links_lock_nobody_out_and_are_dropped(monkeypatch: Any) -> No
     assert time.monotonic() - begun < 8
     soon(lambda: server._http is not None and not server._http._held, 5)
     server.send({"shown": 1})  # a page is not
-    assert [tab.read(), tab.read()] == [{"q": [0.5]}, {"shown": 1}]
+    for tab in tabs:
+        assert [tab.read(), tab.read()] == [{"q": [0.5]}, {"shown": 1}]
+    assert not caplog.records
 
 
 def test_the_viewer_comes_with_the_licences_of_what_is_in_it(server: Server) -> None:

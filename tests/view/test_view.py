@@ -98,10 +98,15 @@ def test_the_scene_has_every_node_that_frames_place() -> None:
 
 
 UPPER = {"robot": "ur5", "base": "upper_arm_link"}
+RIGHT = {"robot": "talos_full_v2", "tip": "gripper_right_base_link", "base": "torso_2_link"}
 
 
-@pytest.mark.parametrize("robot", tiered(["ur5", "panda", "talos_arm", UPPER], (UPPER,)), ids=str)
-def test_links_stand_where_the_whole_robot_has_them(robot: str | dict[str, str]) -> None:
+@pytest.mark.parametrize(
+    "robot", tiered(["ur5", "panda", "so101", RIGHT, UPPER], (UPPER,)), ids=str
+)
+def test_links_look_and_stand_as_in_the_whole_robot_that_pinocchio_reads(
+    robot: str | dict[str, str],
+) -> None:
     arm = load(**robot) if isinstance(robot, dict) else load(robot)
     links = scene.read_links(arm)
     whole = pin.buildGeomFromUrdfString(arm.source.full_model, arm.source.xml, pin.VISUAL)
@@ -113,9 +118,14 @@ def test_links_stand_where_the_whole_robot_has_them(robot: str | dict[str, str])
     data, geometry = arm.model.createData(), links.geometry.createData()
     pin.updateGeometryPlacements(arm.model, data, links.geometry, geometry, arm.model_q(q))
     back = scene.base_placement(arm).inverse()
+    assert len(links.geometry.geometryObjects) > 4
     for i, g in enumerate(links.geometry.geometryObjects):
         there = full_geometry.oMg[whole.getGeometryId(g.name)]
         assert (back * there).isApprox(geometry.oMg[i], 1e-9)
+        theirs = whole.geometryObjects[whole.getGeometryId(g.name)]
+        assert g.meshPath == theirs.meshPath
+        np.testing.assert_array_equal(g.meshScale, theirs.meshScale)
+        np.testing.assert_array_equal(g.meshColor, theirs.meshColor)
 
 
 def test_show_and_show_family():
