@@ -229,24 +229,18 @@ def test_fast_math_is_refused(tmp_path: Path) -> None:
     assert "not true under -ffast-math" in done.stderr
 
 
-def test_arrays_that_a_python_guard_takes(tmp_path: Path) -> None:
-    arm, form = case("ur5")
-    found = module(pinsing.export_guard(arm, "python", forms=form), tmp_path)
-    Q = configurations(form, 12)
-    assert found.clearance(Q[0]).shape == ()
-    assert found.clearance(Q[:6].reshape(2, 3, -1)).shape == (2, 3)
-    assert arm.joints == found.JOINTS
-    assert pinsing.__version__ == found.VERSION
-    with pytest.raises(ValueError, match="values, got shape"):
-        found.clearance([0.0])
-    with pytest.raises(IndexError):
-        found.family(99, Q)
-
-
 @needs_gcc
-def test_values_that_are_not_finite_are_never_clear(tmp_path: Path) -> None:
+def test_shapes_and_values_that_are_not_finite_are_never_clear(tmp_path: Path) -> None:
     c, python = both(tmp_path, arm_of("ur5"), forms=closed("ur5"))
     good = np.array([0, -1.2, 1.3, -1, -1.4, 0])
+    assert python.clearance(good).shape == ()
+    assert python.clearance(np.tile(good, (2, 3, 1))).shape == (2, 3)
+    assert arm_of("ur5").joints == python.JOINTS
+    assert pinsing.__version__ == python.VERSION
+    with pytest.raises(ValueError, match="values, got shape"):
+        python.clearance([0.0])
+    with pytest.raises(IndexError):
+        python.family(99, good)
     assert c.clear(good, 0.05)
     assert python.is_clear(good, 0.05)
     for value in (np.nan, np.inf, -np.inf, 1e300, -1e308):

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 from arms import draw
 from public import script
-from tiers import sampled, tiered
+from tiers import tiered
 from urdf_text import ZERO, J, X, Y, Z, chain_text, follows, urdf
 
 import pinsing
@@ -202,21 +202,10 @@ CHAINS = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize(("name", "base", "tip"), sampled(CHAINS))
-def test_jacobians_are_those_of_the_tip_seen_from_the_base(name, base, tip, rng):
-    arm = chain(name, base, tip)
-    for q in draw(arm, rng, 4):
-        J = pinsing.frame_jacobian(arm, q)
-        place, expected = seen_from_base(arm, q)
-        np.testing.assert_allclose(J, expected, atol=1e-12)
-        here = tip_placement(arm, q).homogeneous
-        np.testing.assert_allclose(here, place.homogeneous, atol=1e-12)
-        many = pinsing.kinematics.frame_jacobians(arm, q[None])
-        np.testing.assert_allclose(many[0], J, atol=1e-12)
-
-
 @pytest.mark.parametrize(("name", "base", "tip"), CHAINS)
-def test_joints_keep_names_limits_and_values(name, base, tip, rng):
+def test_the_tip_is_seen_from_the_base_and_joints_keep_names_limits_and_values(
+    name, base, tip, rng
+):
     arm = chain(name, base, tip)
     model = arm.source.full_model
     theirs = [model.joints[model.getJointId(name)] for name in arm.joints]
@@ -225,11 +214,18 @@ def test_joints_keep_names_limits_and_values(name, base, tip, rng):
             assert arm.lower[j] == model.lowerPositionLimit[here.idx_q]
             assert arm.upper[j] == model.upperPositionLimit[here.idx_q]
     for q in draw(arm, rng, 4):
+        J = pinsing.frame_jacobian(arm, q)
+        place, expected = seen_from_base(arm, q)
+        np.testing.assert_allclose(J, expected, atol=1e-12)
+        there = tip_placement(arm, q).homogeneous
+        np.testing.assert_allclose(there, place.homogeneous, atol=1e-12)
+        many = pinsing.kinematics.frame_jacobians(arm, q[None])
+        np.testing.assert_allclose(many[0], J, atol=1e-12)
         full = arm.full_q(q)
         for value, here in zip(q, theirs, strict=True):
-            expected = [value] if here.nq == 1 else [np.cos(value), np.sin(value)]
+            values = [value] if here.nq == 1 else [np.cos(value), np.sin(value)]
             stands = full[here.idx_q : here.idx_q + here.nq]
-            np.testing.assert_allclose(stands, expected, atol=1e-12)
+            np.testing.assert_allclose(stands, values, atol=1e-12)
         turn = 2 * np.pi * np.round((arm.q_of(full) - q) / (2 * np.pi))
         np.testing.assert_allclose(arm.q_of(full) - turn, q, atol=1e-12)
 
