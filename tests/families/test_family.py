@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -76,26 +77,40 @@ def test_tolerance_of_contains_is_a_distance(name: str) -> None:
         np.testing.assert_array_equal(inside[clear], (gaps < 1e-3)[clear])
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "reachable"),
-    [
-        (-1.0, 1.0, True), (0.1, 3.0, False), (0.1, 3.2, True), (6.0, 6.5, True),
-        (15.0, 16.0, True), (-15.5, -13.0, False), (0.0, 0.0, True), (-20.0, 20.0, True),
-        (-np.inf, np.inf, True),
-    ],
-)  # fmt: skip
-def test_joint_values_within_limits(low: float, high: float, reachable: bool) -> None:
-    links = [Joint(), Joint(a=0.4, limits=(low, high))]
-    (family,) = closed_form(build(links, (0.3, 0.0, 0.0), "position")).families
-    assert family.is_reachable is reachable
-    assert family.reachability == ("reachable" if reachable else "not reachable")
+INF = np.inf
+# Limits, whether a value is within them, and of a slide where that is.
+LIMITS = [
+    (-1.0, 1.0, True), (0.1, 3.0, False), (0.1, 3.2, True), (6.0, 6.5, True), (15.0, 16.0, True),
+    (-15.5, -13.0, False), (0.0, 0.0, True), (-20.0, 20.0, True), (-INF, INF, True),
+    # Also beyond what is drawn, where no limit ends it.
+    (-INF, INF, True, -4.0), (-INF, INF, True, -40.0), (1.0, INF, True, 200.0),
+    (-INF, 5.0, True, -200.0), (1.0, INF, False, -2.0), (-INF, 5.0, False, 5.5),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("case", LIMITS, ids=str)
+def test_joint_values_within_limits(case: tuple[Any, ...]) -> None:
+    """Two turns, or a turn and a slide along x: the tip is on the axis at one position."""
+    low, high, reached, *position = case
+    arm = build([Joint(), Joint(a=0.4, limits=(low, high))], (0.3, 0.0, 0.0), "position")
+    if position:
+        joints = [(pin.JointModelRZ(), place(), -3, 3), (pin.JointModelPX(), place(), low, high)]
+        arm = load(serial(joints, place((-position[0], 0, 0))), tip="tip", task="vx,vy")
+    (family,) = closed_form(arm).families
+    assert (family.is_reachable, family.witness is not None) == (reached, reached)
+    assert family.reachability == ("reachable" if reached else "not reachable")
+    assert {value.reachability for value in family.value_reach} >= {family.reachability}
     inside = family.sample(9, np.random.default_rng(1))
-    assert len(inside) == (9 if reachable else 0)
-    assert (family.witness is not None) is reachable
-    assert ((inside[:, 1] >= low - 1e-9) & (inside[:, 1] <= high + 1e-9)).all()
-    assert np.isfinite(low) or (np.abs(inside) <= np.pi + 1e-9).all()
-    np.testing.assert_allclose(np.sin(inside[:, 1]), 0.0, atol=1e-12)
-    assert len(family.points(9, np.random.default_rng(1))) == 9
+    assert len(inside) == (9 if reached else 0)
+    assert arm.within_limits(inside, 1e-9).all()
+    points = family.points(9, np.random.default_rng(1))
+    assert len(points) == 9
+    assert family.contains(points).all()
+    if position:
+        assert (inside[:, 1] == position[0]).all()
+    else:
+        np.testing.assert_allclose(np.sin(inside[:, 1]), 0.0, atol=1e-12)
+        assert np.isfinite(low) or (np.abs(inside) <= np.pi + 1e-9).all()
 
 
 def test_a_family_without_real_points_says_so() -> None:
@@ -111,30 +126,6 @@ def test_a_family_without_real_points_says_so() -> None:
         empty.distance(np.zeros(3))
     assert not empty.contains(np.zeros((4, 3)), 1.0).any()
     assert len(empty.points(3, np.random.default_rng(1))) == 0
-
-
-@pytest.mark.parametrize(
-    ("lower", "upper", "offset", "reached"),
-    [
-        (-np.inf, np.inf, 4.0, True), (-np.inf, np.inf, 40.0, True), (1.0, np.inf, -200.0, True),
-        (-np.inf, 5.0, 200.0, True), (1.0, np.inf, 2.0, False), (-np.inf, 5.0, -5.5, False),
-    ],
-)  # fmt: skip
-def test_a_value_beyond_the_drawn_range_is_reached_where_no_limit_ends_it(
-    lower, upper, offset, reached
-):
-    """A turn and a slide along x; the tip is on the axis where d2 = -offset."""
-    joints = [(pin.JointModelRZ(), place(), -3, 3), (pin.JointModelPX(), place(), lower, upper)]
-    arm = load(serial(joints, place((offset, 0, 0))), tip="tip", task="vx,vy")
-    (family,) = closed_form(arm).families
-    assert family.reachability.name == ("INSIDE" if reached else "OUTSIDE")
-    q = np.array([0.3, -offset])
-    assert bool(family.contains(q))
-    assert arm.within_limits(q) == reached
-    drawn = family.sample(5, np.random.default_rng(1))
-    assert len(drawn) == (5 if reached else 0)
-    assert np.all(drawn[:, 1] == -offset)
-    assert family.value_reach[0].reachability is family.reachability
 
 
 SCARA = [

@@ -5,7 +5,6 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from dh_arms import dh_arm
 from singular_sets import RIGHT, Joint, build, drop, terms
 
 import pinsing
@@ -18,7 +17,6 @@ from pinsing.families.describe import describe
 from pinsing.families.form import families_text
 from pinsing.families.solve import ComponentSearch
 from pinsing.families.zero_set import OwnPoints, SearchBox, draw, orders, project, search, system_of
-from pinsing.kinematics.jacobian import ratios
 from pinsing.robot.arm import JointSpace
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
@@ -134,15 +132,6 @@ def test_a_small_residual_is_not_yet_on_the_set(rng):
     assert q[:, 0] == pytest.approx(np.zeros(10), abs=2e-5)
 
 
-@pytest.mark.slow
-def test_points_of_a_long_chain_are_on_its_family():
-    """Singular points of another set nearby, where residuals were small, passed for its own."""
-    form = closed_form(load("iiwa14", task="vx,vy,wz"), seconds=4)
-    for family in form.families:
-        for seed in range(4):
-            assert family.contains(family.sample(40, np.random.default_rng(seed))).all()
-
-
 @pytest.fixture(scope="module")
 def sought():
     """The arm, and the components that were found of it."""
@@ -187,17 +176,6 @@ def test_a_point_off_by_the_root_of_rounding_is_brought_to_all_digits(sought):
     assert np.abs(sharp[0] - elbow).max() < 1e-6
     assert np.array_equal(sharp[1], regular)  # the singular ones are far away
     assert own.sharpened(blunt, np.arange(6) != 2)[0, 2] == elbow[2]
-
-
-@pytest.mark.slow
-def test_points_that_a_search_turned_beyond_the_limits_are_judged():
-    """Six joints, vx,vz,wy: a sample of the search was turned by 1.75 turns, as if in degrees."""
-    rows = [(0, 0.05, 0), (0, 0, -90), (-0.1, 0, 0), (0, 0, -90), (-0.1, 0, 90), (0, 0, -90)]
-    arm = dh_arm([(alpha, a, d) for a, d, alpha in rows], "vx,vz,wy")
-    far = np.full((1, 6), 0.3)
-    far[0, 3] += 4 * np.pi
-    assert ratios(arm, far) == pytest.approx(ratios(arm, far - [0, 0, 0, 4 * np.pi, 0, 0]))
-    assert pinsing.closed_form(arm, seconds=4, prove=False).families
 
 
 @pytest.mark.slow
