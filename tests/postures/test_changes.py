@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from command_line import run
-from dh_arms import CRX, along, arm_of, aspects_of, dh_arm, form_of
+from dh_arms import along, arm_of, aspects_of, dh_arm, form_of
 
 import pinsing
 from pinsing.errors import ConfigurationError
@@ -264,21 +264,3 @@ def test_the_same_posture_whole_turns_away_would_do():
     line = pinsing.check_line(arm, same.q, goal, forms=form)
     assert line.outcome == "reached"
     assert not leaves(arm, line.q)
-
-
-def test_a_line_that_no_posture_follows_says_so():
-    done = run("line", "scara", "--q=0,1,0,0", "--to=5,0,0.1")
-    assert "None of 1 other posture of the start follows it to its end" in done.output
-
-
-@pytest.mark.slow
-def test_posture_changes():
-    q = [0.1, -1.0, 1.2, 0.3, 0.9, 0.2]
-    found = pinsing.posture_changes(arm_of("ur5"), q, forms=form_of("ur5"))
-    assert all(o.connection is None or o.connection.answer == "different" for o in found.others)
-    arm = dh_arm(CRX)
-    reached = 0
-    for q in arm.space.sample(3, np.random.default_rng(1)):
-        ways = pinsing.posture_changes(arm, q, limits=False).others
-        reached += sum(o.connection is not None and o.connection.same is True for o in ways)
-    assert reached

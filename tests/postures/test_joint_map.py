@@ -10,7 +10,7 @@ import math
 import numpy as np
 import pytest
 from arms import pinocchio_jacobian
-from dh_arms import CRX, along, aspects_of, dh_arm
+from dh_arms import along, dh_arm
 from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -20,19 +20,8 @@ import pinsing
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.trig_sum import TrigSum
+from pinsing.postures import joint_map
 from pinsing.postures.boxes import Ground, Leaves, is_regular, on_boxes, slope, sum_of
-from pinsing.postures.joint_map import (
-    Arc,
-    Divided,
-    Part,
-    Surface,
-    Wheel,
-    across,
-    divided,
-    partition,
-    subdivide,
-)
-from pinsing.proximity.clearance import watch
 
 # The flood fill. Joints that one equation joins make a group, any other joint that matters is one
 # alone; what the groups are cut into multiplies. A group is put on a grid; neighbours are joined
@@ -73,15 +62,10 @@ def cuts(form):
     """Equations, and singular values by joint, of the families that can separate."""
     equations, values = [], {}
     for family in form.families:
-        if not family.real or family.codimension != 1:
-            continue
-        for branch in family.branches:
-            if branch.equations:
-                assert len(branch.equations) == 1
-                assert not branch.values
-                equations.append(branch.equations[0])
-            else:
-                (value,) = branch.values
+        for branch in family.branches if family.real and family.codimension == 1 else ():
+            assert len(branch.equations) + len(branch.values) == 1
+            equations += branch.equations
+            for value in branch.values:
                 values.setdefault(value.joint, set()).add(value.value)
     return equations, values
 
@@ -175,9 +159,12 @@ def pieces(form, joints, limits):
 ARMS = [
     "ur3", "ur5", "ur10", "ur3_limited", "ur5_limited", "puma560", "irb1400", "kinova", "z1",
     "talos_arm", "stanford", "scara", "so100", "so101", "iiwa14", "surgical7", "planar3r",
-    "leg of ANYmal", "solo12", "3R 1,2,1.5,1", "3R 1,2,0.2,1", "3R 1,2,1.5,0", "3R 1,1.5,0.6,0.3",
+    "panda", "xarm7", "leg of ANYmal", "solo12",
+    "3R 1,2,1.5,1", "3R 1,2,0.2,1", "3R 1,2,1.5,0", "3R 1,1.5,0.6,0.3",
+    "3R 0.971,0.798,1.372,0.84",  # singular at values of the elbow alone, where boxes end
 ]  # fmt: skip
-OBLONG = "so100", "so101", "iiwa14", "surgical7", "planar3r", "scara"
+QUICK = [("ur5", False), ("stanford", True), ("panda", True)]
+OBLONG = "so100", "so101", "iiwa14", "surgical7", "planar3r", "scara", "panda", "xarm7"
 
 
 @pytest.mark.slow
@@ -198,15 +185,27 @@ def test_the_sign_of_the_determinant_is_that_of_the_families(name):
 
 
 @pytest.mark.parametrize(
-    ("name", "limits"), tiered_rows(itertools.product(ARMS, (False, True)), [("ur5", False)])
+    ("name", "limits"), tiered_rows(itertools.product(ARMS, (False, True)), QUICK)
 )
 def test_a_count_is_that_of_a_flood_fill(name, limits):
-    form = form_of(name)
+    """Each aspect has a number and an example; what is clear of all families is in one of them."""
+    arm, form = arm_of(name), form_of(name)
     joined = groups(*cuts(form))
     assert all(len(g) <= 3 for g in joined)
     counted = pinsing.aspects(form, limits)
     assert counted.proven
-    assert math.prod(pieces(form, g, limits) for g in joined) == counted.lower
+    assert math.prod(pieces(form, g, limits) for g in joined) == counted.lower == counted.upper
+    assert [counted.of(a.q) for a in counted] == list(range(1, counted.lower + 1))
+    assert all(a.clearance > 0 for a in counted)
+    Q = arm.space.sample(40, np.random.default_rng(5), not limits)
+    clear = Q[np.asarray(pinsing.clearance(form, Q).lower) > 0.02]
+    assert len(clear) > 10
+    within = [counted.of(q) for q in clear]
+    assert None not in within
+    if name not in OBLONG:
+        J = pinsing.kinematics.task_jacobians(arm, clear)
+        signs = zip(within, np.sign(np.linalg.det(J)), strict=True)
+        assert len({*signs}) == len({*within})
 
 
 def random_part(rng, d, low, high):
@@ -223,8 +222,10 @@ def random_part(rng, d, low, high):
     names = tuple(f"q{j + 1}" for j in range(d))
     zero = np.zeros(d)
     e = Equation(names, f, f * 0, sizes * np.cos(phase), sizes * np.sin(phase), zero)
-    arcs = tuple(Arc(float(low[j]), float(high[j])) for j in range(d))
-    return Part(tuple(range(d)), tuple((a,) for a in arcs), (Surface("F1", e, True),)), arcs
+    arcs = tuple(joint_map.Arc(float(low[j]), float(high[j])) for j in range(d))
+    return joint_map.Part(
+        tuple(range(d)), tuple((a,) for a in arcs), (joint_map.Surface("F1", e, True),)
+    ), arcs
 
 
 def flood(terms, low, high, n):
@@ -240,11 +241,11 @@ def test_the_components_are_those_of_boxes_and_of_a_flood_fill(seed):
     low = np.array([-rng.uniform(0.5, 6.2), -rng.uniform(1, 3)])
     high = np.array([rng.uniform(0.5, 6.2), rng.uniform(1, 3)])
     part, box = random_part(rng, 2, low, high)
-    hub = across(part, box)
+    hub = joint_map.across(part, box)
     assert hub is not None
-    found = divided(part, box, hub, np.ones(2), Budget(5.0)).found
+    found = joint_map.divided(part, box, hub, np.ones(2), Budget(5.0)).found
     terms = sum_of(part.surfaces[0].equation, part.joints)
-    whole = divided(part, box, None, np.ones(2), Budget(5.0)).found
+    whole = joint_map.divided(part, box, None, np.ones(2), Budget(5.0)).found
     assert found.proven
     assert (whole.proven, whole.lower) == (True, found.lower)
     sizes = flood(terms, low, high, 241)
@@ -256,8 +257,8 @@ def test_a_component_has_points_of_its_sign_and_ways_between_them():
     rng = np.random.default_rng(5)
     low, high = np.array([-4.0, -3.0, -2.0]), np.array([5.0, 3.0, 2.5])
     part, box = random_part(rng, 3, low, high)
-    hub = across(part, box)
-    piece = divided(part, box, hub, np.ones(3), Budget(5.0))
+    hub = joint_map.across(part, box)
+    piece = joint_map.divided(part, box, hub, np.ones(3), Budget(5.0))
     assert piece.found.proven
     terms = sum_of(part.surfaces[0].equation, part.joints)
 
@@ -293,24 +294,6 @@ def test_a_saddle_on_a_limit_has_no_largest_value_and_a_hill_has_one():
         assert is_regular(ground, known, [0], x, h, sides).all() == regular
 
 
-@pytest.mark.slow
-def test_every_regular_configuration_has_an_aspect_though_a_section_lies_on_a_family():
-    """The elbow of this arm is singular at joint values of its own, where boxes end."""
-    arm = dh_arm([(-90, 0.971, 0), (90, 0.798, 0.84), (0, 1.372, 0)], "position")
-    form = pinsing.closed_form(arm)
-    found = pinsing.aspects(form)
-    assert found.lower == found.upper == 9
-    Q = np.random.default_rng(5).uniform(-3.1, 3.1, (40, 3))
-    clear = Q[np.asarray(pinsing.clearance(form, Q).lower) > 0.02]
-    assert len(clear) > 20
-    numbers = [found.of(q) for q in clear]
-    assert None not in numbers
-    signs = np.sign([np.linalg.det(pinsing.kinematics.task_jacobian(arm, q)) for q in clear])
-    for a, b, m, n in zip(signs, signs[1:], numbers, numbers[1:], strict=False):
-        assert m != n or a == b
-    assert pinsing.connect(form, clear[0], clear[0], of=found).same
-
-
 def made(frequencies, cos, sin=None, powers=None):
     f = np.array(frequencies, dtype=np.int64)
     p = np.zeros_like(f) if powers is None else np.array(powers)
@@ -339,7 +322,7 @@ def box(equation, low, high, circle=(False, False)):
 )
 def test_counts_of_pieces(equation, corner, circle, count):
     low = [-x for x in corner]
-    found = subdivide(box(equation, low, corner, (circle, False)), Budget(5.0))
+    found = joint_map.subdivide(box(equation, low, corner, (circle, False)), Budget(5.0))
     assert found.proven
     assert found.lower == count
 
@@ -347,7 +330,7 @@ def test_counts_of_pieces(equation, corner, circle, count):
 def test_a_crossing_of_sheets_is_not_proven():
     # cos q1 = cos q2, as one equation: two lines that cross.
     e = made([[2, 0], [0, 2]], [1.0, -1.0])
-    found = subdivide(box(e, [-1.0, -1.0], [1.1, 1.2]), Budget(0.3))
+    found = joint_map.subdivide(box(e, [-1.0, -1.0], [1.1, 1.2]), Budget(0.3))
     assert not found.proven
     assert found.lower <= 4
 
@@ -385,17 +368,3 @@ def test_bounds_hold():
             assert (np.abs(e(full(y)) - known.value) <= known.swing).all()
             along = np.einsum("nd,nd->n", e.gradient(full(y))[:, joints], v)
             assert (np.abs(along - rise) <= error + 1e-12).all()
-
-
-@pytest.mark.slow
-def test_an_offset_wrist_has_two_aspects_by_algebra():
-    form = pinsing.closed_form(dh_arm(CRX))
-    cut = partition(watch(form), limits=False)
-    (part,) = [p for p in cut.parts if p.surfaces]
-    found = pinsing.aspects(form, limits=False)
-    (piece,) = [p for pieces in found._map.pieces for p in pieces if p.part.joints == part.joints]
-    assert isinstance(piece, Wheel)
-    assert (found.proven, found.lower) == (True, 2)
-    for name, by_section in (("ur5", True), ("irb1400", False)):
-        each = [p for pieces in aspects_of(name)._map.pieces for p in pieces]
-        assert by_section in {p.hub is not None for p in each if isinstance(p, Divided)}
