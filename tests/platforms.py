@@ -29,16 +29,6 @@ def turned_in_plane(angle):
     return turned(np.eye(3)[2], angle)[:2, :2]
 
 
-def named(at, e):
-    return {**dict(zip("xyz", at, strict=True)), **{f"e{k}": v for k, v in enumerate(e)}}
-
-
-def equation_values(forms, rows):
-    """Product of all type 2 (and constraint) loci at rows of variables."""
-    loci = [x.equation for x in forms.loci if x.kind != "type 1"]
-    return np.array([np.prod([value(x, row) for x in loci]) for row in rows])
-
-
 @dataclass(frozen=True, eq=False)
 class Way:
     """How a planar platform is written, and its lengths."""

@@ -14,17 +14,8 @@ from platforms import on_legs
 from tiers import tiered
 from urdf_text import J, X, frame
 
-from pinsing.loops import (
-    MechanismState,
-    assemblies,
-    drive,
-    home,
-    mechanism_at,
-    motions,
-    refine,
-    residual,
-    working_modes,
-)
+from pinsing import loops
+from pinsing.loops import home
 from pinsing.loops.closure import BatchLoops, Loops, newton, output_pose, random_closed
 from pinsing.loops.motion import assembly_sign, read_pose
 from pinsing.robot.mechanism import Mechanism
@@ -73,10 +64,10 @@ STATES = """Q.map((q) => {
 
 def states(
     mechanism: Mechanism, Q: Any, slack: float
-) -> Iterator[tuple[np.ndarray, dict[str, Any], MechanismState]]:
+) -> Iterator[tuple[np.ndarray, dict[str, Any], loops.MechanismState]]:
     """Configurations with what the page and what Python say there; measures and verdict agree."""
     for q, here in zip(Q, asked(mechanism, STATES, Q=Q), strict=True):
-        state = mechanism_at(mechanism, q)
+        state = loops.mechanism_at(mechanism, q)
         assert (here["kind"], here["near"]) == (state.kind, state.near), q.tolist()
         assert here["constraint"] == pytest.approx(state.constraint_ratio, abs=slack)
         # The motions themselves lose digits where the closure does.
@@ -93,13 +84,13 @@ def test_frames_measures_and_verdicts_agree(name: str) -> None:
     Q = closed(mechanism, 40)
     if name in SHIPPED:
         Q += [p.q for p in analyzed(name).points]
-    loops = Loops(mechanism)
+    closing = Loops(mechanism)
     kinds = set()
     for q, here, state in states(mechanism, Q, 1e-10):
-        places = [*list(placed(mechanism, q).oMi)[1:], loops.output(q)[0]]
+        places = [*list(placed(mechanism, q).oMi)[1:], closing.output(q)[0]]
         flat = [[*at.rotation.ravel(), *at.translation] for at in places]
         np.testing.assert_allclose(here["places"], flat, atol=1e-12)
-        sigma = np.linalg.svd(loops.scaled(q)[1], compute_uv=False)
+        sigma = np.linalg.svd(closing.scaled(q)[1], compute_uv=False)
         np.testing.assert_allclose(here["sigma"], sigma, atol=1e-10 * sigma[0])
         if state.kind in ("regular", "type 1") and not state.near:
             assert here["mode"] == state.mode
@@ -111,18 +102,22 @@ def test_frames_measures_and_verdicts_agree(name: str) -> None:
         assert {"regular", "type 1", "type 2"} <= kinds
 
 
+SHOWN = """Q.map((q) => {
+  const s = m.stateAt(data, q), at = s.place.t;
+  return { ...m.mechanismFrame(data, q), wrenches: s.lost.map((u) => m.lostOf(data, at, u)),
+           twists: s.uncontrolled.map((v) => m.looseOf(data, at, v)) }; })"""
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", tiered(SHIPPED, ("five_bar",)))
 def test_what_is_shown_is_what_python_says(name: str) -> None:
-    """Lost and free motions in words, joints to blame, ellipses; at each singular point."""
-    mechanism = shipped(name)
-    points = analyzed(name).points
-    Q = [home(mechanism), *(p.q for p in points)]
-    sizes = linkage_sizes(mechanism)
-    found = asked(mechanism, "Q.map((q) => m.mechanismFrame(data, q))", Q=Q)
-    shown = set()
+    """In words; joints to blame; ellipses; wrenches that do no work, motions without a motor."""
+    mechanism, sizes = shipped(name), linkage_sizes(shipped(name))
+    rows, shown = list(mechanism.task.rows), set()
+    Q = [loops.home(mechanism), *(p.q for p in analyzed(name).points)]
+    found = asked(mechanism, SHOWN, Q=Q)
     for q, here in zip(Q, found, strict=True):
-        state = mechanism_at(mechanism, q)
+        state = loops.mechanism_at(mechanism, q)
         assert (here["kind"], here["mode"]) == (state.kind, state.mode)
         shown.add(state.kind)
         told = [*(m["words"] for m in here["lost"]), *here["given"]]
@@ -134,44 +129,30 @@ def test_what_is_shown_is_what_python_says(name: str) -> None:
         for kind in ("translation", "rotation"):
             drawn = here["ellipsoids"]["all"][kind]["drawn"]
             assert max(drawn) <= 0.6 * sizes.reach + 1e-9
+        if state.kind == "type 1":
+            (lost,) = here["wrenches"]
+            wrench = np.concatenate([lost["force"], lost["moment"]])[rows]
+            np.testing.assert_allclose(wrench @ state.velocity, 0, atol=1e-8)
+            if lost["line"] is not None:  # the same force, on its line, has no moment left
+                moment = np.cross(lost["line"] - state.position, lost["force"])
+                np.testing.assert_allclose(moment, lost["moment"], atol=1e-9)
+        if state.kind == "type 2":
+            (free,), motion, expected = here["twists"], loops.motions(mechanism, q), np.zeros(6)
+            expected[rows] = motion.outputs @ np.linalg.svd(motion.inputs)[2][-1]
+            got = np.concatenate([free["velocity"], free["turning"]])
+            cosine = got @ expected / np.linalg.norm(got) / np.linalg.norm(expected)
+            assert abs(cosine) == pytest.approx(1, abs=1e-9)
+            if free["centre"] is not None:  # a point of the axis rests
+                rest = np.cross(free["turning"], free["centre"] - state.position)
+                np.testing.assert_allclose(free["velocity"] + rest, 0, atol=1e-9)
     assert {"regular", "type 1", "type 2"} <= shown
     if name == "five_bar":
         e = found[0]["ellipsoids"]["all"]["translation"]
-        velocity = mechanism_at(mechanism, Q[0]).velocity
+        velocity = loops.mechanism_at(mechanism, Q[0]).velocity
         R = pin.Quaternion(np.array(e["turn"])).toRotationMatrix()
         drawn = (R @ np.diag(np.square(e["drawn"])) @ R.T)[:2, :2]
         expected = sizes.translation**2 * velocity @ velocity.T
         np.testing.assert_allclose(drawn, expected, atol=3e-4 * sizes.translation**2)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", tiered(SHIPPED, {"five_bar"}))
-def test_lost_wrenches_do_no_work_and_free_motions_need_no_motor(name: str) -> None:
-    mechanism = shipped(name)
-    rows = list(mechanism.task.rows)
-    kinds = ("type 1", "type 2")
-    q = [next(p.q for p in analyzed(name).points if p.kind == kind) for kind in kinds]
-    one, two = (mechanism_at(mechanism, x) for x in q)
-    lost, free = asked(
-        mechanism,
-        "[m.lostOf(data, ...one), m.looseOf(data, ...two)]",
-        one=[one.position, one.lost[:, 0]],
-        two=[two.position, two.uncontrolled[:, 0]],
-    )
-    wrench = np.concatenate([lost["force"], lost["moment"]])[rows]
-    np.testing.assert_allclose(wrench @ one.velocity, 0, atol=1e-8)
-    if lost["line"] is not None:  # the same force, on its line, has no moment left
-        moment = np.cross(lost["line"] - one.position, lost["force"])
-        np.testing.assert_allclose(moment, lost["moment"], atol=1e-9)
-    motion = motions(mechanism, q[1])
-    expected = np.zeros(6)
-    expected[rows] = motion.outputs @ np.linalg.svd(motion.inputs)[2][-1]
-    got = np.concatenate([free["velocity"], free["turning"]])
-    cosine = got @ expected / np.linalg.norm(got) / np.linalg.norm(expected)
-    assert abs(cosine) == pytest.approx(1, abs=1e-9)
-    if free["centre"] is not None:  # a point of the axis rests
-        rest = free["velocity"] + np.cross(free["turning"], free["centre"] - two.position)
-        np.testing.assert_allclose(rest, 0, atol=1e-9)
 
 
 @pytest.mark.slow
@@ -185,13 +166,13 @@ def test_driving_follows_the_same_mode_as_far(name: str) -> None:
     found = asked(mechanism, code, q=start, wanted=wanted)
     stopped = 0
     for inputs, here in zip(wanted, found, strict=True):
-        there = drive(mechanism, inputs, start)
+        there = loops.drive(mechanism, inputs, start)
         assert (here["reached"] == 1) == there.converged
         stopped += not there.converged
         assert here["reached"] == pytest.approx(there.reached, abs=2e-4)
         gap = np.abs(mechanism.fold(np.array(here["q"]) - there.q)).max()
         assert gap < (1e-8 if there.converged else 0.05)  # beside a fold q runs away
-        assert np.abs(residual(mechanism, np.array(here["q"]))).max() < 1e-9
+        assert np.abs(loops.residual(mechanism, np.array(here["q"]))).max() < 1e-9
     if name in ("five_bar", "planar_3rrr"):
         assert 0 < stopped < 24
 
@@ -206,7 +187,7 @@ def test_a_range_ends_where_driving_does(name: str) -> None:
         joint = mechanism.actuated[k]
         limits = np.array([mechanism.lower[joint], mechanism.upper[joint]])
         for p in here["points"]:
-            state = mechanism_at(mechanism, p["q"])
+            state = loops.mechanism_at(mechanism, p["q"])
             assert state.kind == p["kind"]
             assert assembly_sign(mechanism, state.q) in ("0", "?", assembly_sign(mechanism, q))
         if here["whole"]:
@@ -217,7 +198,7 @@ def test_a_range_ends_where_driving_does(name: str) -> None:
             for beyond in (False, True):
                 at[k] = end + 1e-4 * inward * (-1 if beyond else 1)
                 if not (beyond and np.abs(limits - end).min() < 1e-9):
-                    assert drive(mechanism, at, q).converged != beyond
+                    assert loops.drive(mechanism, at, q).converged != beyond
         ends = [p["q"][joint] for p in here["points"] if p["rangeEnd"]]
         assert set(np.round(ends, 9)) <= set(np.round([here["lower"], here["upper"]], 9))
 
@@ -230,8 +211,8 @@ def test_modes_agree(name: str) -> None:
     pose = output_pose(mechanism, q)
     found = asked(mechanism, "m.modesAt(data, q)", q=q)
     for kind, known, joints in (
-        ("assemblies", assemblies(mechanism, q[driven]), range(mechanism.n)),
-        ("working", working_modes(mechanism, pose).modes, driven),
+        ("assemblies", loops.assemblies(mechanism, q[driven]), range(mechanism.n)),
+        ("working", loops.working_modes(mechanism, pose).modes, driven),
     ):
         listed = np.array([mode["q"] for mode in found[kind]])
         taken = set()
@@ -266,7 +247,7 @@ def test_singular_points_are_refined_to_the_same_place(name: str) -> None:
     found = asked(mechanism, code, cases=cases, held=held)
     converged = 0
     for case, here in zip(cases, found, strict=True):
-        there = refine(mechanism, case["q"], case["kind"], held)
+        there = loops.refine(mechanism, case["q"], case["kind"], held)
         assert here["converged"] == there.converged
         if there.converged:
             converged += 1
@@ -292,8 +273,8 @@ def test_paths_lead_into_singularities_and_along_them(name: str) -> None:
         if not into:
             assert "isolated points" in group.more
             continue
-        assert mechanism_at(mechanism, into[0]).kind == "regular"
-        kinds = {mechanism_at(mechanism, q).kind for q in (into[-1], *along[::6])}
+        assert loops.mechanism_at(mechanism, into[0]).kind == "regular"
+        kinds = {loops.mechanism_at(mechanism, q).kind for q in (into[-1], *along[::6])}
         assert kinds == {group.points[0].kind}
         assert np.abs(np.diff(into, axis=0)).max() < 0.2
         assert bool(along) == (len(mechanism.inputs) > 1)
@@ -316,7 +297,7 @@ def test_of_type_3_there_is_no_way_along():
 def test_the_healthiest_pose_is_within_limits_and_regular(name: str) -> None:
     mechanism = mechanism_of(name)
     found = asked(mechanism, "m.healthiestPose(data, [], 60, 30)")
-    state = mechanism_at(mechanism, found["q"])
+    state = loops.mechanism_at(mechanism, found["q"])
     assert state.kind == "regular"
     measures = (state.output_ratio, state.input_ratio, state.constraint_ratio)
     assert found["measure"] == pytest.approx(min(measures), abs=1e-8)
@@ -358,7 +339,7 @@ def test_a_gimbal_lock_of_a_file_s_ball_is_judged_as_in_python(name: str) -> Non
     assert len(Q) > 8
     for q, here, _ in states(mechanism, Q, 1e-9):
         # Both bases span the same motions of the joints.
-        ours, theirs = motions(mechanism, q).basis, np.array(here["basis"]).T
+        ours, theirs = loops.motions(mechanism, q).basis, np.array(here["basis"]).T
         both = np.hstack([ours, theirs])
         ranks = [np.linalg.matrix_rank(x, tol=1e-6) for x in (ours, theirs, both)]
         assert len(set(ranks)) == 1
@@ -397,15 +378,15 @@ def test_an_output_is_led_to_a_pose_and_the_loops_stay_closed(name: str) -> None
         goals=goals,
     )
     assert found["names"] == LED[name].split()
-    loops = Loops(mechanism)
+    closing = Loops(mechanism)
     for goal, here in zip(goals, found["led"], strict=True):
         q = np.array(here["q"])
         assert (here["reached"], here["stop"]) == (1, None)
         assert here["worst"] <= 1e-10
-        assert np.abs(loops.scaled(q)[0]).max() <= 1e-10
+        assert np.abs(closing.scaled(q)[0]).max() <= 1e-10
         poses = np.array([coordinates(mechanism, q, rows), here["frame"]["pose"]])
         np.testing.assert_allclose(turned(poses - goal, rows), 0, atol=1e-10)
-        state = mechanism_at(mechanism, q)
+        state = loops.mechanism_at(mechanism, q)
         assert (here["frame"]["kind"], here["frame"]["mode"]) == (state.kind, state.mode)
         if len(rows) == len(mechanism.task.rows) and data["pose"]["turn"] != {"kind": "angles"}:
             # What Python takes these numbers for is the same pose.
@@ -434,7 +415,7 @@ def slides_in_the_plane(folder: Path) -> Mechanism:
 def test_ways_of_driven_slides_have_names_of_their_own_alike_on_the_page(tmp_path: Path) -> None:
     mechanism = slides_in_the_plane(tmp_path)
     q = home(mechanism)
-    found = working_modes(mechanism, output_pose(mechanism, q).homogeneous).modes
+    found = loops.working_modes(mechanism, output_pose(mechanism, q).homogeneous).modes
     assert len(found) == 8
     assert len({s.mode.split("elbows ")[1] for s in found}) == 8
     said = asked(mechanism, "ways.map((q) => m.modeOf(data, q))", ways=[s.q for s in found])
@@ -482,7 +463,7 @@ def test_where_a_pose_ends_a_limit_or_a_singularity_is_met(name: str) -> None:
                 assert "is at its limit" in end["words"]
             else:
                 assert stop["why"] == "type 1"
-                assert mechanism_at(mechanism, q).output_ratio < 1e-3
+                assert loops.mechanism_at(mechanism, q).output_ratio < 1e-3
             # From there it goes no further, and the same reason is given.
             assert end["again"]["reached"] < 1e-3
             assert end["again"]["stop"]["why"] == stop["why"]

@@ -1,11 +1,8 @@
 """A mechanism's tab: list, scene, server, command; in a browser, which needs Playwright, too."""
 
-import asyncio
 import contextlib
 import functools
 import json
-import signal
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -14,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 from chromium import open_page, picture, q_of, text, until
-from command_line import started
-from links import first_message, get
+from command_line import run
 from mechanisms import URDF, analyzed, four_bar, shipped
+from pages import baked
 from tiers import tiered
 
 from pinsing.cli.mechanism import view_loops
@@ -105,25 +102,11 @@ def test_a_model_without_a_file_is_shown_as_a_skeleton() -> None:
         assert not viewer._page(live=True)["settings"]["shapes"]
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
-def test_the_command_serves_until_it_is_ended() -> None:
-    run = "import sys; from pinsing.cli.show import view_command; view_command(sys.argv[1:])"
-    loops = str(URDF / "four_bar.loops.yaml")
-    words = [str(URDF / "four_bar.urdf"), "--loops", loops, "--no-open", "--q", "40", "--deg"]
-    process = started("-c", run, *words)
-    try:
-        url = process.stdout.readline().strip()
-        assert get(url)[0] == 200
-        assert get(url + "page.json")[0] == 200  # comes when there is a mechanism to ask for
-        start = asyncio.run(first_message(url))
-        assert start["q"][0] == pytest.approx(np.radians(40))
-        process.send_signal(signal.SIGINT)
-        process.communicate(timeout=10)
-        assert process.returncode == 0
-    finally:
-        process.kill()
-        process.communicate()
+def test_the_command_begins_at_the_inputs_that_are_typed(tmp_path: Path) -> None:
+    out = tmp_path / "page.html"
+    done = run("view", URDF / "four_bar.urdf", "--loops", "--q", "40", "--deg", "-o", out)
+    assert done.exit_code == 0
+    assert baked(out.read_text())["start"]["q"][0] == pytest.approx(np.radians(40))
 
 
 def test_a_saved_analysis_must_be_of_this_mechanism(tmp_path: Path) -> None:

@@ -4,11 +4,10 @@ import re
 from xml.etree import ElementTree
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from command_line import run
 from mechanisms import URDF, shipped
-from platforms import BASE, PLATFORM, equation_values, named, on_legs, rps, turned
+from platforms import BASE, PLATFORM, on_legs, rps
 from tiers import tiered_rows
 from urdf_text import J, X, frame, row
 
@@ -18,17 +17,10 @@ from pinsing.loops.legs import most_assemblies, why_no_rods
 
 
 @pytest.mark.slow
-def test_fichters_turn_by_90_degrees_is_found_by_itself(rng):
+def test_fichters_turn_by_90_degrees_is_found_by_itself():
     for name in ("gough_stewart", "stewart_6_3"):
-        forms = pose_forms(shipped(name))
-        words = [str(f) for f in forms.everywhere]
+        words = [str(f) for f in pose_forms(shipped(name)).everywhere]
         assert "turned by ±90° about z: singular at every position" in words
-        for angle, singular in ((90, True), (-90, True), (89, False), (30, False)):
-            half = np.radians(angle) / 2
-            e = (np.cos(half), 0, 0, np.sin(half))
-            rows = [named(at, e) for at in rng.uniform(-1, 1, (5, 3))]
-            values = np.abs(equation_values(forms, rows))
-            assert (values < 1e-12).all() == singular
     # Level, only the plane of the base is singular.
     (level,) = pose_forms(shipped("gough_stewart")).level
     assert str(level.equation) == "z = 0"
@@ -42,21 +34,6 @@ def test_architecture_singularities_are_named():
     assert not pose_forms(shipped("gough_stewart")).architecture
     # What passes more than a force has no such form.
     assert [pose_forms(shipped(name)) for name in ("bennett", "rssr")] == [None, None]
-
-
-def test_hunts_pose_of_the_6_3():
-    """Two base points in the platform's plane: all six legs cut one edge of the platform."""
-    forms = pose_forms(shipped("stewart_6_3"))
-    a, b = (np.array([np.cos(t), np.sin(t), 0]) for t in np.radians([220, 260]))
-    along = (b - a) / np.linalg.norm(b - a)
-    for tilt in (0.4, 0.9):
-        # Turned about the line through both points: the plane of the platform holds it.
-        turn = turned(along, tilt)
-        e = pin.Quaternion(turn).coeffs()[[3, 0, 1, 2]]
-        at = a + turn @ np.array([0.3, 0.9, 0.0])
-        on, off = np.abs(equation_values(forms, [named(at + d * turn[:, 2], e) for d in (0, 0.05)]))
-        assert on < 1e-12
-        assert off > 1e-5
 
 
 def test_rows_that_leave_type_1_of_hinged_legs_open_are_said(tmp_path):
