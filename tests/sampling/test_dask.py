@@ -154,12 +154,6 @@ def test_an_address_that_cannot_be_reached_is_one_line(address, monkeypatch):
     assert ("no address such as tcp://HOST:PORT" in said) == (address in NO_ADDRESS)
 
 
-def test_the_command_says_so_too() -> None:
-    done = run("map", "planar3r", "--count", "1e4", "--dask", "junk")
-    assert done.exit_code == 2
-    assert "\npinsing: error: no dask scheduler at junk" in f"\n{done.stderr}"
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_a_scheduler_that_dies(tmp_path: Path, number: signal.Signals) -> None:

@@ -323,6 +323,14 @@ def test_ctrl_c_after_the_last_chunk_of_a_sweep(name, place, tmp_path, monkeypat
     assert "pinsing: stopped" in done.stderr
     assert load_npz(out if out.is_file() else out / "sweep.npz").complete
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if name == "run":
+        monkeypatch.undo()
+        again = run(*words, "-o", str(out))
+        assert again.exit_code == 0
+        assert "1 of 1 chunks were done before" in again.stderr
+        other = run(*words, "--samples", "22", "-o", str(out))
+        assert other.exit_code == 2
+        assert "holds another run" in other.stderr
 
 
 def test_ctrl_c_when_a_map_is_complete_takes_nothing_away(tmp_path, monkeypatch):
@@ -350,19 +358,6 @@ def test_a_run_hears_of_ctrl_c_that_came_before_it() -> None:
     assert [result.complete for result in results] == [False]
     with ctrl_c_afterwards():
         assert run_sweep(arm, plan, threads=1).complete
-
-
-def test_sweep_command_in_a_folder(tmp_path: Path) -> None:
-    words = ["analyze", "planar3r", "--sweep", "--levels", "1", "--samples", "21"]
-    done = run(*words, "-o", str(tmp_path / "run"), "--threads", "2")
-    assert done.exit_code == 0
-    assert load_npz(tmp_path / "run" / "sweep.npz").complete
-    again = run(*words, "-o", str(tmp_path / "run"))
-    assert "1 of 1 chunks were done before" in again.stderr
-    assert again.stdout == done.stdout
-    other = run("analyze", "planar3r", "--sweep", "--samples", "22", "-o", str(tmp_path / "run"))
-    assert other.exit_code == 2
-    assert "holds another run" in other.stderr
 
 
 COUNT = 4 * BLOCK
@@ -400,24 +395,26 @@ def resume(made: Path, whole: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("name", ["3.npz", "0000003.npz", "²²²²²².npz"])
-def test_only_exact_names_count(made: Path, whole: Path, name: str) -> None:
+def test_only_exact_names_count_and_litter_of_killed_writes_is_removed(made, whole, name):
     shutil.copy(made / "chunks" / "000003.npz", made / "chunks" / name)
-    assert resume(made, whole) == ["4 of 4 chunks were done before"]
-    (made / "chunks" / "000003.npz").unlink()
-    assert resume(made, whole) == ["3 of 4 chunks were done before"]
-
-
-def test_litter_of_killed_writes_is_removed(made: Path, whole: Path) -> None:
     litter = [made / ".plan.json.0123.part", made / "chunks" / ".000001.npz.0123.part"]
     for path in litter:
         path.write_bytes(b"half")
-    resume(made, whole)
+    assert resume(made, whole) == ["4 of 4 chunks were done before"]
     assert not any(path.exists() for path in litter)
+    (made / "chunks" / "000003.npz").unlink()
+    assert resume(made, whole) == ["3 of 4 chunks were done before"]
 
 
 def other_contents(path: Path) -> None:
     run = path.parents[1]
     RunFolder(run, recorded(run), 4).save(2, RECORD)
+
+
+def of_another_run(path: Path) -> None:
+    other = path.parents[2] / "other"
+    mapped(other, seed=1)
+    shutil.copy(other / "chunks" / path.name, path)
 
 
 STRANGE: dict[str, tuple[Callable[[Path], object], str]] = {
@@ -426,6 +423,8 @@ STRANGE: dict[str, tuple[Callable[[Path], object], str]] = {
     "a link to another chunk": (lambda p: p.symlink_to("000001.npz"), "it is a link"),
     "a link to nothing": (lambda p: p.symlink_to("nothing"), "it is a link"),
     "a pipe": (lambda p: os.mkfifo(p), "a device or pipe"),
+    "of another run": (of_another_run, "it belongs to another run"),
+    "of another place": (lambda p: shutil.copy(p.with_name("000001.npz"), p), "another place"),
     "nothing at all": (lambda p: p.write_bytes(b""), "not as it was written"),
     "a terabyte of nothing": (lambda p: os.truncate(os.open(p, 65), 1 << 40), "more than the"),
 }
@@ -504,14 +503,6 @@ def test_contents_that_no_chunk_has(kind: str) -> None:
     for wrong in changed:
         with pytest.raises(DamagedError):
             job.check(2, wrong)
-
-
-def test_a_whole_chunk_of_another_run(made: Path, whole: Path, tmp_path: Path) -> None:
-    mapped(tmp_path / "other", seed=1)
-    shutil.copy(tmp_path / "other" / "chunks" / "000001.npz", made / "chunks")
-    assert "chunks 1 (it belongs to another run)" in resume(made, whole)[1]
-    shutil.copy(made / "chunks" / "000001.npz", made / "chunks" / "000000.npz")
-    assert "chunks 0 (it belongs to another place)" in resume(made, whole)[1]
 
 
 def test_arrays_that_are_not_what_they_may_be_are_not_read(tmp_path: Path) -> None:
