@@ -100,20 +100,6 @@ def test_parts_of_a_budget_count_together_and_take_shares_of_work() -> None:
     assert whole.at_most(3.0).left == pytest.approx(3.0)
 
 
-def test_what_a_child_did_is_counted(monkeypatch):
-    whole = Budget(100.0)
-
-    def work() -> int:
-        whole.check(30 * PER_SECOND)
-        return 1
-
-    assert in_child(work, whole, 30.0) == 1
-    assert whole.meter.done == pytest.approx(30 * PER_SECOND, rel=0.01)
-    monkeypatch.setattr(budget, "_MEMORY", 100_000_000)
-    with pytest.raises(BudgetExceeded, match="memory"):
-        in_child(lambda: len(bytes(400_000_000)), Budget(30.0), 30.0)
-
-
 @pytest.mark.slow
 def test_work_stops_a_search_whatever_the_clock_says(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is found does not depend on how fast the machine is: here a hundred times as fast."""
@@ -176,16 +162,25 @@ def gone(children: list[int]) -> bool:
 
 
 @forks
-def test_what_comes_of_a_child():
-    assert in_child(lambda: [1, 2], Budget(30), 30) == [1, 2]
+def test_what_comes_of_a_child_and_its_work_is_counted(monkeypatch):
+    whole = Budget(100.0)
+
+    def work() -> list[int]:
+        whole.check(30 * PER_SECOND)
+        return [1, 2]
 
     def broken() -> int:
         raise ValueError("no")
 
+    assert in_child(work, whole, 30.0) == [1, 2]
+    assert whole.meter.done == pytest.approx(30 * PER_SECOND, rel=0.01)
     with pytest.raises(ValueError, match="no"):
         in_child(broken, Budget(30), 30)
     with pytest.raises(BudgetExceeded, match="ended"):
         in_child(lambda: os.kill(os.getpid(), signal.SIGKILL), Budget(30), 30)
+    monkeypatch.setattr(budget, "_MEMORY", 100_000_000)
+    with pytest.raises(BudgetExceeded, match="memory"):
+        in_child(lambda: len(bytes(400_000_000)), Budget(30.0), 30.0)
 
 
 @forks

@@ -81,6 +81,9 @@ def test_tube_is_proven_and_holds_every_singular_configuration(form, attack):
     wrong, (_, far) = attack.outside(form, found)
     assert (len(found) > 50, wrong) == (True, 0)
     assert 0.001 < far < form.tube.width
+    # Paths across its walls meet one.
+    wrong, tried = attack.unmet(form, 300, np.random.default_rng(7))
+    assert (wrong, tried > 30) == (0, True)
 
 
 @pytest.mark.parametrize(
@@ -171,11 +174,6 @@ def test_far_from_other_families_the_width_of_the_nearest_is_taken_off(form):
     alone = others > found.upper + tubes.NEAR
     assert alone.sum() > 20
     assert (found.lower >= found.upper - form.tube.alone - 1e-3)[alone].all()
-
-
-def test_paths_across_walls_meet_a_singular_configuration(form, attack):
-    wrong, tried = attack.unmet(form, 300, np.random.default_rng(7))
-    assert (wrong, tried > 30) == (0, True)
 
 
 def test_without_a_tube_the_robots_jacobian_bounds_its_clearance(attack, monkeypatch):
