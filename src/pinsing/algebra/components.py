@@ -834,8 +834,7 @@ def decompose(
 
     def searched() -> Decomposition:
         try:
-            # That it is the generic rank is confirmed below.
-            minors = Minors.reduced(matrix(), rank, ring, time, generic=True)
+            minors = Minors(matrix(), rank, ring, time).smaller
             if place is None:
                 search.confirm(minors, rank)
             bound = minors.bound if minors.size > 0 and minors.matrix else 1

@@ -85,16 +85,11 @@ def dependent(
     return found
 
 
-def reduce_matrix(
-    matrix: Matrix, rank: int, ring: Ring, time: Budget, generic: bool = False
-) -> tuple[Matrix, int]:
+def reduce_matrix(matrix: Matrix, rank: int, ring: Ring, time: Budget) -> tuple[Matrix, int]:
     """Use up pivots that never vanish: the rest is below its rank exactly where the given is."""
-    # If the rank is ``generic``, that at almost every point, as many rows are independent.
     rows, never = matrix, MadeOnce()
     while True:
-        rows = [primitive(row, ring) for row in rows if any(row)]
-        if not (generic and len(rows) == rank):
-            rows = independent_rows(rows, ring)
+        rows = independent_rows([primitive(row, ring) for row in rows if any(row)], ring)
         # Without columns of zeros: with them a bound on codimensions would be too large.
         filled = [primitive(list(c), ring) for c in zip(*rows, strict=True) if any(c)]
         rows = [list(row) for row in zip(*filled, strict=True)]
@@ -443,19 +438,13 @@ class Minors:
             self._kept += len(total)
         return self._known[rows, columns]
 
-    @classmethod
-    def reduced(
-        cls, matrix: Matrix, size: int, ring: Ring, time: Budget, generic: bool = False
-    ) -> Minors:
-        """Those of what `reduce_matrix` makes of a matrix: none smaller is to be had."""
-        found = cls(*reduce_matrix(matrix, size, ring, time, generic), ring, time)
-        found.smaller = found
-        return found
-
     @cached_property
     def smaller(self) -> Minors:
         """Those of a smaller matrix whose rank drops in the same places."""
-        return Minors.reduced(self.matrix, self.size, self.ring, self.time)
+        rows, size = reduce_matrix(self.matrix, self.size, self.ring, self.time)
+        found = Minors(rows, size, self.ring, self.time)
+        found.smaller = found  # none smaller is to be had
+        return found
 
     def at(self, values: Mapping[int, Value]) -> Minors:
         """Those of the matrix with some joints at values."""

@@ -129,38 +129,32 @@ class _Exact:
         count = max(4, min(32, 30_000 // max(1, sum(map(len, relations)))))
         found = thrown(stated, SearchBox(-self.reach, self.reach, free, fixed), count, self.rng)
         points, tols = self.own.arm.fold(found), np.full(len(found), ALIKE)
-        if stated and len(points):
+        if not len(points):
+            return None
+        if stated:
             # Where slopes vanish, points have half of their digits.
             sizes = np.linalg.svd(system_of(stated).gradients(points) * free, compute_uv=False)
             count = min(component.codimension - len(values), len(stated))
             tols[sizes[:, count - 1] <= 1e-4] = BLUNT
-        forms, x = [self._form(p) for p in relations], self._variables(points)
-        for k, (q, tol) in enumerate(zip(points, tols.tolist(), strict=True)):
-            at = (form(x[k : k + 1]) for form in forms)
-            zero = all(abs(value[0]) <= tol * size for value, size in at)
-            if zero and self._missed(branches, q, tol):
-                return np.asarray(q)
-        return None
+        missed, x = np.ones(len(points), dtype=bool), self._variables(points)
+        for poly in relations:
+            at, size = self._form(poly)(x)
+            missed &= np.abs(at) <= tols * size
+        for branch in branches:
+            put = branch.put(points, self.own.arm.space)
+            on = (np.abs(put - points) <= tols[:, None]).all(axis=1)
+            for e in branch.equations:
+                on &= np.abs(e(put)) <= tols * e.unit
+            missed &= ~on
+        # What is nearly zero may only seem singular.
+        points = self.own.sharpened(points[missed], np.ones(len(every), dtype=bool))
+        return next(iter(points[self.own(points)]), None)
 
     def _plain(self, poly: Poly) -> Poly:
         """The polynomial, if of one joint without multiple roots: of these points are blunt."""
         if not self.ring.rational or len(self.ring.joints_of(poly)) != 1:
             return poly
         return math.prod((p for p, _ in poly.factor()[1]), start=self.ring.one)
-
-    def _missed(self, branches: Sequence[Branch], q: Array, tol: float) -> bool:
-        """Whether q (n,) is singular, which what is nearly zero may only seem, and on no branch."""
-        if any(self._on(b, q, tol) for b in branches):
-            return False
-        return bool(self.own(self.own.sharpened(q[None], np.ones(len(q), dtype=bool)))[0])
-
-    def _on(self, branch: Branch, q: Array, tol: float) -> bool:
-        at = q.copy()
-        for v in branch.values:
-            if self._apart(v.joint, q[v.joint] - v.value) > tol:
-                return False
-            at[v.joint] = v.value
-        return all(abs(float(e(at))) <= tol * e.unit for e in branch.equations)
 
     def _apart(self, joint: int, difference: float) -> float:
         return abs(difference if self.slides[joint] else math.remainder(difference, 2 * math.pi))
