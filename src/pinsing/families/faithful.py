@@ -20,7 +20,7 @@ from pinsing.algebra.equation import equation
 from pinsing.algebra.ring import MadeOnce, Poly, Ring, terms_of
 from pinsing.algebra.trig_sum import TINY
 from pinsing.families.family import Family
-from pinsing.families.zero_set import BLUNT, OwnPoints, SearchBox, system_of, thrown
+from pinsing.families.zero_set import BLUNT, OwnPoints, SearchBox, project, system_of
 from pinsing.interface import typed
 from pinsing.measures import ALIKE, FLOAT_NOISE, Array
 from pinsing.robot.mimic import own_offsets
@@ -127,8 +127,10 @@ class _Exact:
         fixed = np.array([values.get(j, 0.0) for j in every])
         # Random starts that lead to points, fewer where relations are long.
         count = max(4, min(32, 30_000 // max(1, sum(map(len, relations)))))
-        found = thrown(stated, SearchBox(-self.reach, self.reach, free, fixed), count, self.rng)
-        points, tols = self.own.arm.fold(found), np.full(len(found), ALIKE)
+        starts = SearchBox(-self.reach, self.reach, free, fixed).drawn(count, self.rng)
+        found, there = project(stated, starts, free, 20)
+        points = self.own.arm.fold(found[there])
+        tols = np.full(len(points), ALIKE)
         if not len(points):
             return None
         if stated:
