@@ -124,7 +124,7 @@ def walks(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 def joint_speeds(
     rows: NDArray[np.float64],
-    linear: NDArray[np.bool_],
+    linear: int,
     limits: NDArray[np.float64],
     far: NDArray[np.float64],
     turns: NDArray[np.bool_],

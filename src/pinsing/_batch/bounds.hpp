@@ -34,9 +34,10 @@ static V curvature_within(const Conditions& c, std::int64_t e, const V* x, V rad
 }
 
 PINSING_INLINE V dual_norm(const Conditions& c, const V* g) {
+    if (!c.largest) return vsqrt(dot(g, g, c.n));
     V sum = broadcast(0.0);
-    for (int j = 0; j < c.n; j++) sum += c.largest ? vabs(g[j]) : g[j] * g[j];
-    return c.largest ? sum : vsqrt(sum);
+    for (int j = 0; j < c.n; j++) sum += vabs(g[j]);
+    return sum;
 }
 
 struct Both {

@@ -14,11 +14,14 @@ namespace pinsing {
 constexpr int kJoints = kMaxConditionJoints;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
+#include "least_norm.hpp"
+#include "sums.hpp"
+
 inline double norm_of(const double* x, int d, bool largest) {
-    double total = 0.0;
-    for (int j = 0; j < d; j++)
-        total = largest ? std::max(total, std::fabs(x[j])) : total + x[j] * x[j];
-    return largest ? total : std::sqrt(total);
+    if (!largest) return std::sqrt(dot(x, x, d));
+    double most = 0.0;
+    for (int j = 0; j < d; j++) most = std::max(most, std::fabs(x[j]));
+    return most;
 }
 
 inline double joined(double x, double y, bool largest) {
@@ -31,9 +34,6 @@ inline double part_of(double whole, double fixed, bool largest) {
     if (largest) return fixed < whole ? whole : -1.0;
     return fixed < whole ? std::sqrt((whole - fixed) * (whole + fixed)) : -1.0;
 }
-
-#include "least_norm.hpp"
-#include "sums.hpp"
 
 // An equation with its gradient, and on a box what its linear approximation may be off.
 struct SumOnBox : SumAt<double> {
@@ -95,13 +95,8 @@ void look_at_sum(const Conditions& c, std::int64_t e, Joints<Number> joints, con
 // The minimiser goes to `point`.
 inline double to_plane(const double* q, const double* lo, const double* hi, const double* g, double a0,
                 double target, int d, double* point) {
-    double sum = a0, least = a0, most = a0, size = std::fabs(a0) + std::fabs(target), steep = 0.0;
-    double total = 0.0;
+    double least = a0, most = a0, size = std::fabs(a0) + std::fabs(target), steep = 0.0;
     for (int j = 0; j < d; j++) {
-        const double y = std::min(std::max(q[j], lo[j]), hi[j]);
-        point[j] = y;
-        total += (y - q[j]) * (y - q[j]);
-        sum += g[j] * y;
         least += std::min(g[j] * lo[j], g[j] * hi[j]);
         most += std::max(g[j] * lo[j], g[j] * hi[j]);
         size += std::fabs(g[j]) * std::max(std::fabs(lo[j]), std::fabs(hi[j]));
@@ -109,34 +104,27 @@ inline double to_plane(const double* q, const double* lo, const double* hi, cons
     }
     const double tolerance = 4e-16 * (d + 2) * size;
     if (target < least - tolerance || target > most + tolerance) return kInfinity;
-    const double side = sum > target ? 1.0 : -1.0;  // of the multiplier
-    double best = std::sqrt(total) * (1.0 - 1e-15);
-    double low = 0.0, high = kInfinity, at = 0.0;  // multiplier = side * at
-    for (int iteration = 0; iteration < 60; iteration++) {
-        const double excess = side * (sum - target);
-        if (std::fabs(excess) <= tolerance) break;
-        (excess > 0.0 ? low : high) = at;
-        double slope = 0.0;
+    double best = 0.0, low = 0.0, high = kInfinity, side = 0.0, at = 0.0;  // multiplier = side * at
+    for (int iteration = 0; iteration <= 60; iteration++) {
+        double sum = a0, total = 0.0, slope = 0.0;
         for (int j = 0; j < d; j++) {
-            const double z = q[j] - side * at * g[j];
+            const double z = q[j] - side * at * g[j], y = std::min(std::max(z, lo[j]), hi[j]);
+            point[j] = y;
+            sum += g[j] * y;
+            total += (y - q[j]) * (y - q[j]);
             if (z > lo[j] && z < hi[j]) slope += g[j] * g[j];
         }
+        if (iteration == 0) side = sum > target ? 1.0 : -1.0;
+        const double excess = side * (sum - target);
+        const double square = total * (1.0 - 1e-15) + 2.0 * at * (excess - tolerance);
+        if (square > 0.0) best = std::max(best, std::sqrt(square) * (1.0 - 1e-15));
+        if (std::fabs(excess) <= tolerance) break;
+        (excess > 0.0 ? low : high) = at;
         double next = slope > 0.0 ? at + excess / slope : kInfinity;
         if (!(next > low && next < high))
             next = high < kInfinity ? 0.5 * (low + high) : 2.0 * at + 0.5 / steep;
         if (next == at || !(next < 1e200)) break;
         at = next;
-        sum = a0;
-        total = 0.0;
-        for (int j = 0; j < d; j++) {
-            const double y = std::min(std::max(q[j] - side * at * g[j], lo[j]), hi[j]);
-            point[j] = y;
-            sum += g[j] * y;
-            total += (y - q[j]) * (y - q[j]);
-        }
-        const double square = total * (1.0 - 1e-15) +
-                              2.0 * at * (side * (sum - target) - tolerance);
-        if (square > 0.0) best = std::max(best, std::sqrt(square) * (1.0 - 1e-15));
     }
     return best;
 }

@@ -82,9 +82,7 @@ public:
             for (int j = 0; j < n; j++)
                 if (!free[j]) one.g[j] = 0.0;
         if (at.size() == 1) {
-            const double* g = at[0].g;
-            double square = 0.0, product = 0.0;
-            for (int j = 0; j < n; j++) square += g[j] * g[j], product += g[j] * delta[j];
+            const double *g = at[0].g, square = dot(g, g, n), product = dot(g, delta, n);
             const bool flat = std::sqrt(square) <= 1e-10 * at[0].size;
             for (int j = 0; j < n; j++) {
                 onto[j] = flat ? 0.0 : -at[0].value * g[j] / square;
@@ -92,7 +90,7 @@ public:
             }
             return;
         }
-        double A[kJoints * kJoints] = {}, copy[kJoints * kJoints];
+        double A[kJoints * kJoints] = {}, copy[kJoints * kJoints], across[kJoints];
         std::fill(onto, onto + n, 0.0);
         for (const SumOnBox& one : at) {
             const double scale = 1.0 / one.size;
@@ -101,9 +99,7 @@ public:
                 for (int j = 0; j < n; j++) A[i * n + j] += one.g[i] * one.g[j] * scale * scale;
             }
         }
-        double across[kJoints] = {};
-        for (int i = 0; i < n; i++)
-            for (int j = 0; j < n; j++) across[i] += A[i * n + j] * delta[j];
+        for (int i = 0; i < n; i++) across[i] = dot(A + i * n, delta, n);
         std::copy(A, A + n * n, copy);
         solve_spd(A, onto, n, kRidge, 0.1 * kRidge);
         solve_spd(copy, across, n, kRidge, 0.1 * kRidge);
@@ -140,11 +136,9 @@ public:
     // infinity as soon as it is seen that it will not be below `most`.
     double land(const double* q, const double* lo, const double* hi, double most, double* x) {
         const int n = d();
-        double delta[kJoints] = {}, step[kJoints], along[kJoints], off[kJoints];
-        double before = kInfinity;
+        double delta[kJoints] = {}, step[kJoints], along[kJoints], before = kInfinity;
         for (int iteration = 0; iteration < 40; iteration++) {
-            for (int j = 0; j < n; j++) off[j] = x[j] - q[j];
-            if (norm_of(off, n, c_.largest) >= most) return kInfinity;
+            if (apart(q, x) >= most) return kInfinity;
             const double residual = evaluate(x);
             if (residual < 1e-15 || (residual <= kOn && residual > 0.5 * before)) break;
             if (residual > 0.7 * before) return kInfinity;
@@ -152,9 +146,7 @@ public:
             held_step(x, lo, hi, delta, 0.0, step, along);
             for (int j = 0; j < n; j++) x[j] = std::min(std::max(x[j] + step[j], lo[j]), hi[j]);
         }
-        if (!(evaluate(x) <= kOn)) return kInfinity;
-        for (int j = 0; j < n; j++) off[j] = x[j] - q[j];
-        const double length = norm_of(off, n, c_.largest);
+        const double length = evaluate(x) <= kOn ? apart(q, x) : kInfinity;
         return length < most ? length : kInfinity;
     }
 
@@ -186,26 +178,20 @@ public:
                 iteration = 39;
             }
         }
-        if (!(evaluate(x) <= kOn)) return kInfinity;
-        double off[kJoints];
-        for (int j = 0; j < n; j++) off[j] = x[j] - q[j];
-        return norm_of(off, n, c_.largest);
+        return evaluate(x) <= kOn ? apart(q, x) : kInfinity;
     }
 
     // Fills in low, near and widest, and shrinks the box; false where it holds no zero that is
     // nearer to q than `most`.
     bool bound(const double* q, double known, double most, Box& box) {
         const int n = d();
-        double lo[kJoints], hi[kJoints], near[kJoints], off[kJoints];
+        double lo[kJoints], hi[kJoints], near[kJoints], bend[kJoints] = {};
         for (int j = 0; j < n; j++) {
             lo[j] = box.c[j] - box.h[j];
             hi[j] = box.c[j] + box.h[j];
-            near[j] = std::min(std::max(q[j], lo[j]), hi[j]);
-            off[j] = near[j] - q[j];
+            box.near[j] = near[j] = std::min(std::max(q[j], lo[j]), hi[j]);
         }
-        box.low = std::max(known, norm_of(off, n, c_.largest) * (1.0 - 4e-15));
-        std::copy(near, near + n, box.near);
-        double bend[kJoints] = {};
+        box.low = std::max(known, apart(q, near) * (1.0 - 4e-15));
         for (std::size_t i = 0; i < at.size(); i++) {
             const SumOnBox& one = look(i, box.c, box.h);
             if (!of_slab(q, box, lo, hi, near, one.value, one.g, one.rest)) return false;
@@ -227,6 +213,12 @@ private:
     const Conditions& c_;
     std::vector<int> rate_joint_, power_joint_;  // of rates and powers, as numbered in `joints`
     Joints<int> own_;
+
+    double apart(const double* q, const double* x) const {
+        double off[kJoints];
+        for (int j = 0; j < d(); j++) off[j] = x[j] - q[j];
+        return norm_of(off, d(), c_.largest);
+    }
 
     // In the maximum norm: to where the least cube around q meets the linearised equation at x,
     // whose value and gradient are in `at`.
@@ -326,11 +318,9 @@ private:
             }
         }
         if (most < kInfinity) {
-            double off[kJoints], total = 0.0;
-            for (int j = 0; j < n; j++) {
-                off[j] = std::min(std::max(q[j], lo[j]), hi[j]) - q[j];
-                total += off[j] * off[j];
-            }
+            double off[kJoints];
+            for (int j = 0; j < n; j++) off[j] = std::min(std::max(q[j], lo[j]), hi[j]) - q[j];
+            const double total = dot(off, off, n);
             for (int j = 0; j < n; j++) {
                 double room = most;
                 if (!c_.largest) {

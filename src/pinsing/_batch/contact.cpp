@@ -48,8 +48,8 @@ double step_of_equation(const Conditions& c, std::int64_t e, const double* x, co
     const double left = std::max(std::fabs(h.value) - h.error, 0.0), bend = bend_along(c, e, x, u);
     if (!(left > 0.0)) return 0.0;
     if (bend == 0.0) return kInfinity;  // none of its joints moves
-    double falls = h.slope_error * norm_of(u, c.n, c.largest);
-    for (int j = 0; j < c.n; j++) falls += (h.value > 0.0 ? -h.g[j] : h.g[j]) * u[j];
+    const double grows = dot(h.g, u, c.n), error = h.slope_error * norm_of(u, c.n, c.largest);
+    const double falls = error + (h.value > 0.0 ? -grows : grows);
     const double root = std::sqrt(falls * falls + 2.0 * (bend * left));
     const double step = (falls > 0.0 ? 2.0 * left / (falls + root) : (root - falls) / bend) * (1.0 - 1e-12);
     return c.sliding[e] ? std::min(step, kWindow) : step;
@@ -101,9 +101,7 @@ void approach(const Conditions& c, std::int64_t b, const double* x, const double
     for (int i = 0; i < k; i++) {
         look_at_sum(c, first + i, all_joints(c), x, nullptr, c.n, at[i]);
         y[i] = at[i].value;
-        moves[i] = 0.0;
-        for (int j = 0; j < c.n; j++) moves[i] += at[i].g[j] * u[j];
-        z[i] = moves[i];
+        z[i] = moves[i] = dot(at[i].g, u, c.n);
     }
     if (k > 0) {
         const auto g = [&](int i) { return at[i].g; };
@@ -114,22 +112,17 @@ void approach(const Conditions& c, std::int64_t b, const double* x, const double
             for (int j = 0; j < c.n; j++) off[j] += at[i].g[j] * y[i];
         }
     }
-    double square = 0.0, product = 0.0;
-    for (int j = 0; j < c.n; j++) {
-        square += off[j] * off[j];
-        product += off[j] * u[j];
-    }
-    distance = std::sqrt(square);
+    distance = std::sqrt(dot(off, off, c.n));
     // On the branch itself every way across it leads away.
-    rate = distance > 1e-12 ? product / distance : std::sqrt(std::max(across, 0.0));
+    rate = distance > 1e-12 ? dot(off, u, c.n) / distance : std::sqrt(std::max(across, 0.0));
 }
 
 }  // namespace
 
 Contact contact_along(const Conditions& c, std::int64_t family, const double* x,
                       const double* velocity, double horizon) {
-    double speed = 0.0, u[kMaxConditionJoints], at[kMaxConditionJoints];
-    for (int j = 0; j < c.n; j++) speed = std::max(speed, std::fabs(velocity[j]));
+    double u[kMaxConditionJoints], at[kMaxConditionJoints];
+    const double speed = norm_of(velocity, c.n, true);
     if (!(speed > 0.0)) return Contact{kInfinity, 0.0};
     for (int j = 0; j < c.n; j++) u[j] = velocity[j] / speed;
     Contact out{kInfinity, 0.0};
@@ -138,10 +131,7 @@ Contact contact_along(const Conditions& c, std::int64_t family, const double* x,
         if (c.family[b] != family) continue;
         double distance, change;
         approach(c, b, x, u, distance, change);
-        if (distance < nearest) {
-            nearest = distance;
-            rate = change;
-        }
+        if (distance < nearest) nearest = distance, rate = change;
     }
     out.rate = rate * speed;
 
@@ -149,7 +139,6 @@ Contact contact_along(const Conditions& c, std::int64_t family, const double* x,
     const std::int64_t terms = c.branches == 0 ? 0 : c.term_start[c.equation_start[c.branches]];
     std::int64_t work = std::max<std::int64_t>(2 * terms, 300);
     double best = end;
-    bool met = false;
     for (int b = 0; b < c.branches; b++) {
         double s = 0.0;
         std::copy(x, x + c.n, at);
@@ -160,13 +149,10 @@ Contact contact_along(const Conditions& c, std::int64_t family, const double* x,
             if (step <= 1e-9 + 1e-7 * s || steps == kMostSteps || work < 0) break;
             for (int j = 0; j < c.n && s < best; j++) at[j] = x[j] + s * u[j];
         }
-        if (s < best) {
-            best = s;
-            met = true;
-        }
+        best = std::min(best, s);
     }
-    if (met) out.time = best * (1.0 - 1e-14) / speed;
-    if (!met && end < horizon * speed) out.time = end / speed;
+    if (best < end) out.time = best * (1.0 - 1e-14) / speed;
+    else if (end < horizon * speed) out.time = end / speed;
     return out;
 }
 

@@ -6,8 +6,6 @@ agree to rounding across instruction sets.
 
 Fixed limits of the kernel: singular values of matrices with a smaller side of at most 6 and a
 larger one of at most 32; beyond them NumPy computes the singular values.
-
-Walks lead to rank drops.
 """
 
 from __future__ import annotations
@@ -93,9 +91,8 @@ def jacobians(
     ``threads`` are by default all, ``isa`` the best instruction set. ValueError for bad arguments,
     RuntimeError without the kernel.
     """
-    Q = np.require(Q, np.float64, ("C", "A"))
-    how = _how(isa, threads)
-    return np.asarray(module().jacobians(chain.R, chain.t, chain.prismatic, Q, *how))
+    how = np.require(Q, np.float64, ("C", "A")), *_how(isa, threads)
+    return np.asarray(module().jacobians(chain.R, chain.t, chain.prismatic, *how))
 
 
 def singular_values(
@@ -125,8 +122,7 @@ def svdvals(J: ArrayLike, *, threads: int | None = None, isa: str | None = None)
     """Return singular values (N, min(m, n)), descending, of matrices J (N, m, n)."""
     # Else as `jacobians`.
     A, kernel = np.require(J, np.float64, ("C", "A")), module()
-    rank = min(A.shape[1:])
-    if rank > kernel.MAX_RANK or max(A.shape[1:]) > kernel.MAX_COLUMNS:
+    if min(A.shape[1:]) > kernel.MAX_RANK or max(A.shape[1:]) > kernel.MAX_COLUMNS:
         return _lapack(A)
     return np.asarray(kernel.svdvals(A, *_how(isa, threads)))
 
@@ -166,11 +162,8 @@ class WalkRules:
 
 def walks_covered(n: int, m: int, rank: int) -> bool:
     """Return True if walks of n joints, m rows and a generic rank are compiled."""
-    if not available():
-        return False
-    kernel = module()
     equations = (m - rank + 1) * (n - rank + 1)
-    return bool(n <= kernel.WALK_JOINTS and equations <= kernel.WALK_EQUATIONS)
+    return available() and n <= _kernel.WALK_JOINTS and equations <= _kernel.WALK_EQUATIONS
 
 
 def walks(
@@ -197,9 +190,7 @@ def walks(
     ``rows`` are m different ones of 0..5, ``rank`` the generic rank, ``size`` the least that
     sigma_1 counts as. ValueError for what does not fit, is not finite, or is not `walks_covered`.
     """
-    kernel = module()
-    Q = np.ascontiguousarray(Q, dtype=np.float64)
-    X, ends = kernel.walks(
+    X, ends = module().walks(
         chain.R,
         chain.t,
         chain.prismatic,
@@ -208,7 +199,7 @@ def walks(
         float(size),
         *(np.ascontiguousarray(limit, dtype=np.float64) for limit in limits),
         astuple(rules),
-        Q,
+        np.ascontiguousarray(Q, dtype=np.float64),
         np.ascontiguousarray(free, dtype=np.float64),
         *_how(isa, threads),
         min(max_iterations, 2**31 - 1),

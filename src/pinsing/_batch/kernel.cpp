@@ -32,12 +32,12 @@ namespace {
 #include "simd.hpp"
 #include "reciprocals.hpp"
 #include "sincos.hpp"
+#include "least_norm.hpp"
 #include "jacobian.hpp"
 #include "tip_jacobian.hpp"
 #include "svd.hpp"
 #include "roots.hpp"
 #include "svd_choice.hpp"
-#include "least_norm.hpp"
 #include "sums.hpp"
 #include "bounds.hpp"
 #include "walk.hpp"
@@ -154,7 +154,7 @@ Outcome speeds(const SpeedTask& task, const Batch& all) {
     BoxOfSpeeds box(task);
     return for_each_block(all, 0, [&](V** in, V** out, V*, int width) {
         for (int side = 0; side < (width > kHalf ? 2 : 1); side++) {
-            for (int i = 0; i < 6 * task.k; i++) box.J[i] = half_of(in[0][i], side);
+            for (int i = 0; i < 6 * task.k; i++) box.J.at[i] = half_of(in[0][i], side);
             clear(box.r, task.k);
             for (int i = 0; i < task.n; i++)
                 if (task.moving[i]) box.r[i] = half_of(in[1][i], side);

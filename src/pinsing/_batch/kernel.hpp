@@ -80,8 +80,8 @@ struct WalkTask : ValueTask {
 // Tip motions and the joint speeds they may take: see pinsing/proximity/zones.py.
 struct SpeedTask {
     int n, k, m;           // joints; columns of Jacobians, those of turns without a limit last; rows
-    const double* rows;    // (m, 6)
-    const bool* linear;    // (m,)
+    const double* rows;    // (m, 6), of translations first
+    int linear;            // rows of translations
     const double* limits;  // (n,)
     const double* far;     // (k,)
     const bool* turns;     // (k,)

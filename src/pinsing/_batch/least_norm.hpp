@@ -1,5 +1,13 @@
 // Included inside a namespace, for numbers and for blocks of them.
-//
+
+// The product of two rows.
+template <class T>
+T dot(const T* x, const T* y, int n) {
+    T sum{};
+    for (int i = 0; i < n; i++) sum += x[i] * y[i];
+    return sum;
+}
+
 // Solves A y = b for a symmetric A (k, k), in place; b becomes y. With `ridge` times the trace on the
 // diagonal, and pivots of at least `least` of it, rows are not exchanged: any y will do for a bound.
 template <class T>
@@ -25,12 +33,7 @@ void solve_spd(T* A, T* b, int k, double ridge, double least) {
 template <class T, class Row>
 void least_norm(Row g, int k, int n, T* y, double ridge, double least) {
     T gram[kMaxCombined * kMaxCombined];
-    for (int i = 0; i < k; i++) {
-        for (int m = 0; m <= i; m++) {
-            T sum{};
-            for (int j = 0; j < n; j++) sum += g(i)[j] * g(m)[j];
-            gram[i * k + m] = gram[m * k + i] = sum;
-        }
-    }
+    for (int i = 0; i < k; i++)
+        for (int m = 0; m <= i; m++) gram[i * k + m] = gram[m * k + i] = dot(g(i), g(m), n);
     solve_spd(gram, y, k, ridge, least);
 }

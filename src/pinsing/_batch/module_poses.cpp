@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "module.hpp"
+#include "conditions.hpp"
 #include "numbers.hpp"
 #include "share_out.hpp"
 
@@ -21,12 +22,14 @@ constexpr double kLongestStep = 0.3;
 constexpr double kDamping = 1e-12;
 
 #include "jacobian.hpp"
+#include "least_norm.hpp"
 
 // q (n,) to a pose, by its `free` joints: whether what is left of each number is below `small`.
 // Configurations farther away than `near` are let be, and so is what does not come nearer.
 bool bring(const Chain& chain, const bool* free, const double* position, const double* rotation,
            double scale, double small, double near, double slower, double* q) {
-    double J[6 * kMaxColumns], column[kMaxColumns][6], A[kMaxColumns][kMaxColumns], step[kMaxColumns];
+    double J[6 * kMaxColumns], column[kMaxColumns][6], step[kMaxColumns];
+    double A[kMaxColumns * kMaxColumns];
     const double* C = chain.R + 9 * chain.n;
     Tip<double> tip;
     for (int iteration = 0; iteration < kIterations; iteration++) {
@@ -52,27 +55,19 @@ bool bring(const Chain& chain, const bool* free, const double* position, const d
         int d = 0;
         for (int j = 0; j < chain.n; j++) {
             if (!free[j]) continue;
-            step[d] = 0.0;
-            for (int r = 0; r < 6; r++) {
+            for (int r = 0; r < 6; r++)
                 column[d][r] = J[r * chain.n + j] / (r < 3 && !chain.prismatic[j] ? scale : 1.0);
-                step[d] += column[d][r] * e[r];
-            }
-            for (int i = 0; i <= d; i++) {  // Cholesky's factor, row by row
-                double sum = i == d ? kDamping : 0.0;
-                for (int r = 0; r < 6; r++) sum += column[d][r] * column[i][r];
-                for (int k = 0; k < i; k++) sum -= A[d][k] * A[i][k];
-                A[d][i] = i == d ? std::sqrt(std::max(sum, kDamping)) : sum / A[i][i];
-            }
-            for (int k = 0; k < d; k++) step[d] -= A[d][k] * step[k];
-            step[d] /= A[d][d];
+            step[d] = dot(column[d], e, 6);
             d++;
         }
+        for (int i = 0; i < d; i++)
+            for (int k = 0; k <= i; k++) {
+                const double damping = i == k ? kDamping : 0.0;
+                A[i * d + k] = A[k * d + i] = dot(column[i], column[k], 6) + damping;
+            }
+        solve_spd(A, step, d, 0.0, 0.1 * kDamping);
         double longest = kLongestStep;
-        for (int i = d - 1; i >= 0; i--) {
-            for (int k = i + 1; k < d; k++) step[i] -= A[k][i] * step[k];
-            step[i] /= A[i][i];
-            longest = std::max(longest, std::fabs(step[i]));
-        }
+        for (int i = 0; i < d; i++) longest = std::max(longest, std::fabs(step[i]));
         for (int j = 0, i = 0; j < chain.n; j++)
             if (free[j])
                 q[j] += step[i++] * (kLongestStep / longest) * (chain.prismatic[j] ? scale : 1.0);

@@ -1,8 +1,6 @@
 // What surrounds the singular values of a map: where its configurations are, and how the values
 // are distributed. One pass each, with the roundings of NumPy's separate operations, so that an
 // installation without this module finds the same bits (CMakeLists.txt forbids contraction here).
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 #include <nanobind/stl/tuple.h>
 
 #include <algorithm>

@@ -24,9 +24,7 @@ constexpr double kTolerance = 1e-9;  // by which a joint's value may be outside 
 class Search {
 public:
     Search(const Conditions& c, const SearchOptions& options)
-        : c_(c), o_(options) {
-        if (o_.limited) note_involved();
-    }
+        : c_(c), o_(options) {}
 
     Nearest run(const double* x, double* point) {
         best_ = {kInfinity, kInfinity, -1, 0};
@@ -84,7 +82,6 @@ private:
 
     const Conditions& c_;
     const SearchOptions& o_;
-    std::vector<bool> involved_;  // joints of each branch that occur in equations
     double slack_ = 0.0;
     Nearest best_{};
     double* point_ = nullptr;
@@ -97,13 +94,19 @@ private:
     // matter within their limits; how far that is.
     double put(int b, const double* x, double* target) {
         double off[kJoints];
+        bool involved[kJoints] = {};
         const double* lower = o_.lower + c_.family[b] * o_.stride;
         const double* upper = o_.upper + c_.family[b] * o_.stride;
         std::copy(x, x + c_.n, target);
         if (o_.limited) {
+            const auto first = c_.term_start[c_.equation_start[b]];
+            const auto last = c_.term_start[c_.equation_start[b + 1]];
+            for (auto k = c_.rate_start[first]; k < c_.rate_start[last]; k++)
+                involved[c_.rate_joint[k]] = true;
+            for (auto k = c_.power_start[first]; k < c_.power_start[last]; k++)
+                involved[c_.power_joint[k]] = true;
             for (int j = 0; j < c_.n; j++)
-                if (!involved_[static_cast<std::size_t>(b * c_.n + j)])
-                    target[j] = std::min(std::max(x[j], lower[j]), upper[j]);
+                if (!involved[j]) target[j] = std::min(std::max(x[j], lower[j]), upper[j]);
         }
         for (std::int64_t i = c_.value_start[b]; i < c_.value_start[b + 1]; i++) {
             const std::int64_t j = c_.value_joint[i];
@@ -127,18 +130,6 @@ private:
         }
         slack_ = 1e-15 * size * (count + 1);
         return norm_of(off, c_.n, c_.largest);
-    }
-
-    void note_involved() {
-        involved_.assign(static_cast<std::size_t>(c_.branches * c_.n), false);
-        for (int b = 0; b < c_.branches; b++) {
-            auto mark = [&](std::int64_t j) { involved_[static_cast<std::size_t>(b * c_.n + j)] = true; };
-            const std::int64_t first = c_.term_start[c_.equation_start[b]];
-            const std::int64_t last = c_.term_start[c_.equation_start[b + 1]];
-            for (auto k = c_.rate_start[first]; k < c_.rate_start[last]; k++) mark(c_.rate_joint[k]);
-            for (auto k = c_.power_start[first]; k < c_.power_start[last]; k++)
-                mark(c_.power_joint[k]);
-        }
     }
 
     // A bound from which on nothing more is to be known.

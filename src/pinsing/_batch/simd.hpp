@@ -4,7 +4,8 @@
 //
 // Included inside the namespace of one instruction set. Every operation acts on each lane alone and
 // in the same way, so a result depends neither on its lane nor on its neighbours.
-#define PINSING_INLINE static inline __attribute__((always_inline))
+#define PINSING_METHOD inline __attribute__((always_inline))
+#define PINSING_INLINE static PINSING_METHOD
 
 #if defined(__AVX512F__)
 constexpr int kHalf = 8;
@@ -150,7 +151,7 @@ PINSING_INLINE V vmin(V x, double y) { return vmin(x, broadcast(y)); }
 
 PINSING_INLINE One vabs(One x) { return value(bits(x) & INT64_MAX); }
 PINSING_INLINE V vabs(V x) { return value(bits(x) & INT64_MAX); }
-PINSING_INLINE V copysign(V magnitude, V sign) {
+template <class T> PINSING_INLINE T copysign(T magnitude, T sign) {
     return value(bits(vabs(magnitude)) | (bits(sign) & INT64_MIN));
 }
 

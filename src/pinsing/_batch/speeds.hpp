@@ -6,82 +6,129 @@ constexpr double kLeastWeight = 0.3;  // of a share, by which joints weigh in th
 constexpr int kPairSteps = 5;
 constexpr double kFreeTurn = 100.0;   // speed of a turn without a limit over the fastest joint's
 
+PINSING_INLINE void clear(One* x, int count) {
+    for (int i = 0; i < count; i++) x[i] = spread(0.0);
+}
+
 struct Span {
     int first, last;
 };
 
-// C (a, c) += or -= A (a, b) B (b, c), in columns; A has others than zero in these of its own.
-template <int sign>
-PINSING_INLINE void add_product(const One* A, const One* B, int a, int b, int c, One* C, Span own,
-                                Span columns) {
-    for (int i = 0; i < a; i++)
-        for (int j = columns.first; j < columns.last; j++) {
-            One sum = C[i * c + j];
-            for (int l = own.first; l < own.last; l++)
-                sum += A[i * b + l] * B[l * c + j] * (1.0 * sign);
-            C[i * c + j] = sum;
-        }
+// A small matrix in each lane; a vector is one of one column.
+struct Matrix {
+    int rows = 0, columns = 1;
+    One at[kSpeedColumns * kSpeedColumns];
+
+    Matrix() {}
+    explicit Matrix(int rows, int columns = 1) { reset(rows, columns); }
+    Matrix(const Matrix& other) { *this = other; }
+    Matrix& operator=(const Matrix& other) {
+        rows = other.rows, columns = other.columns;
+        for (int i = 0; i < size(); i++) at[i] = other.at[i];
+        return *this;
+    }
+    void reset(int m, int n = 1) {
+        rows = m, columns = n;
+        clear(at, size());
+    }
+    int size() const { return rows * columns; }
+    One* operator[](int i) { return at + i * columns; }
+    const One* operator[](int i) const { return at + i * columns; }
+
+    // Adds A B times a sign; A has others than zero in the columns `own`, B in `some`.
+    PINSING_METHOD void add(const Matrix& A, const Matrix& B, double sign, Span own, Span some) {
+        for (int i = 0; i < rows; i++)
+            for (int j = some.first; j < some.last; j++) {
+                One sum = (*this)[i][j];
+                for (int l = own.first; l < own.last; l++) sum += A[i][l] * B[l][j] * sign;
+                (*this)[i][j] = sum;
+            }
+    }
+    PINSING_METHOD void add_sizes(const Matrix& of, One times) {
+        for (int i = 0; i < size(); i++) at[i] += vabs(of.at[i]) * times;
+    }
+};
+
+template <class Each>
+PINSING_INLINE Matrix entries(const Matrix& A, Each each) {
+    Matrix out;
+    out.rows = A.rows, out.columns = A.columns;
+    for (int i = 0; i < A.size(); i++) out.at[i] = each(i);
+    return out;
 }
-template <int sign>
-PINSING_INLINE void add_product(const One* A, const One* B, int a, int b, int c, One* C) {
-    add_product<sign>(A, B, a, b, c, C, Span{0, b}, Span{0, c});
+PINSING_INLINE Matrix operator+(const Matrix& A, const Matrix& B) {
+    return entries(A, [&](int i) { return A.at[i] + B.at[i]; });
 }
-PINSING_INLINE void clear(One* x, int count) {
-    for (int i = 0; i < count; i++) x[i] = spread(0.0);
+PINSING_INLINE Matrix operator-(const Matrix& A, const Matrix& B) {
+    return entries(A, [&](int i) { return A.at[i] - B.at[i]; });
 }
-PINSING_INLINE void product(const One* A, const One* B, int a, int b, int c, One* C) {
-    clear(C, a * c);
-    add_product<1>(A, B, a, b, c, C);
+PINSING_INLINE Matrix operator*(const Matrix& A, double times) {
+    return entries(A, [&](int i) { return A.at[i] * times; });
+}
+PINSING_INLINE Matrix operator*(const Matrix& A, const Matrix& B) {
+    Matrix out(A.rows, B.columns);
+    out.add(A, B, 1.0, {0, B.rows}, {0, B.columns});
+    return out;
+}
+PINSING_INLINE Matrix sizes(const Matrix& A) {
+    return entries(A, [&](int i) { return vabs(A.at[i]); });
+}
+PINSING_INLINE Matrix unit(int n) {
+    Matrix out(n, n);
+    for (int i = 0; i < n; i++) out[i][i] = spread(1.0);
+    return out;
 }
 
-PINSING_INLINE void add_sizes(const One* x, int count, One times, One* out) {
-    for (int i = 0; i < count; i++) out[i] += vabs(x[i]) * times;
+// Of a positive matrix: it needs no pivots.
+PINSING_INLINE void invert(Matrix& N) {
+    for (int p = 0; p < N.rows; p++) {
+        const One pivot = 1.0 / N[p][p];
+        N[p][p] = spread(1.0);
+        for (int j = 0; j < N.rows; j++) N[p][j] *= pivot;
+        for (int i = 0; i < N.rows; i++) {
+            if (i == p) continue;
+            const One factor = N[i][p];
+            N[i][p] = spread(0.0);
+            for (int j = 0; j < N.rows; j++) N[i][j] -= factor * N[p][j];
+        }
+    }
+}
+
+// The product of what two rows have in some columns.
+PINSING_INLINE One dot(const One* x, const One* y, Span own) {
+    One sum = spread(0.0);
+    for (int a = own.first; a < own.last; a++) sum += x[a] * y[a];
+    return sum;
 }
 
 struct BoxOfSpeeds {
-    using Row = One[kSpeedColumns];
-    using Wide = One[6 * kSpeedColumns];
-    using Square = One[kSpeedColumns * kSpeedColumns];
     const SpeedTask& task;
-    int k, m;  // columns and rows of the Jacobian
-    Wide J, M, A, size, S[kSpeedColumns];  // S, G, B: slopes by the active joints
-    Square G[kSpeedColumns], E1, E2, E3, Q;
-    Wide B[kSpeedColumns];
-    Row r, F, center, along[kSpeedColumns], pull;
-    One moved[3];
-    int active[kSpeedColumns], joints;
+    const int k, m;  // columns and rows of the Jacobian
+    const Span shifts, turns, all;  // rows of the task: translations, rotations
+    double share[kSpeedColumns] = {};  // of its limit that a joint takes at speed one
+    Matrix J, M, A, size, E1, E2, E3, Q;
+    Matrix S[kSpeedColumns], G[kSpeedColumns], B[kSpeedColumns];  // slopes by the active joints
+    Matrix F, center, along, pull;
+    One r[kSpeedColumns], moved[3];
+    int active[kSpeedColumns], joints = 0;
 
-    explicit BoxOfSpeeds(const SpeedTask& t) : task(t), k(t.k), m(t.m), joints(0) {}
+    explicit BoxOfSpeeds(const SpeedTask& t)
+        : task(t), k(t.k), m(t.m), shifts{0, t.linear}, turns{t.linear, m}, all{0, m}, J(6, k) {
+        for (int j = 0; j < task.n; j++) share[j] = 1.0 / task.limits[j];
+    }
 
     // Rows of the task (m, k) of K (6, k).
-    void rows_of(const One* K, One* out) const {
-        clear(out, m * k);
+    Matrix rows_of(const Matrix& K) const {
+        Matrix out(m, k);
         for (int i = 0; i < m; i++)
             for (int a = 0; a < 6; a++) {
                 const double factor = task.rows[6 * i + a];
                 if (factor != 0.0)
-                    for (int j = 0; j < k; j++) out[i * k + j] += K[a * k + j] * factor;
+                    for (int j = 0; j < k; j++) out[i][j] += K[a][j] * factor;
             }
+        return out;
     }
 
-    // Adds the derivative (6, k) of K by joint j, column j being that of L.
-    void add_slope(const One* K, const One* L, int j, One* out) const {
-        const One *v = L + j, *w = L + 3 * k + j;
-        if (j <= task.middle) {
-            for (int i = 0; i < j; i++) {
-                add_cross(K + i, k, w, k, out + i, k);
-                add_cross(K + 3 * k + i, k, v, k, out + i, k);
-                add_cross(K + 3 * k + i, k, w, k, out + 3 * k + i, k);
-            }
-            return;
-        }
-        for (int i = 0; i < j && !task.still; i++) add_cross(K + 3 * k + i, k, v, k, out + i, k);
-        for (int i = task.still ? j + 1 : j; i < k; i++) {
-            add_cross(w, k, K + i, k, out + i, k);
-            if (i > j) add_cross(w, k, K + 3 * k + i, k, out + 3 * k + i, k);
-            if (task.still) add_cross(v, k, K + 3 * k + i, k, out + i, k);
-        }
-    }
     bool behind(int j) const { return j > task.middle; }
     // Columns that joint j changes.
     Span changed(int j) const { return {behind(j) && task.still ? j + 1 : 0, behind(j) ? k : j}; }
@@ -91,33 +138,52 @@ struct BoxOfSpeeds {
         return changed(task.still && behind(j) ? j : i);
     }
 
+    // Adds the derivative (6, k) of K by joint j, column j being that of L.
+    void add_slope(const Matrix& K, const Matrix& L, int j, Matrix& out) const {
+        const auto add = [&](const One* a, const One* b, One* to) { add_cross(a, k, b, k, to, k); };
+        const One *v = L[0] + j, *w = L[3] + j;
+        for (int i = changed(j).first; i < changed(j).last; i++) {
+            const One *linear = K[0] + i, *angular = K[3] + i;
+            if (!behind(j)) {
+                add(linear, w, out[0] + i);
+                add(angular, v, out[0] + i);
+                add(angular, w, out[3] + i);
+            } else if (i < j) {
+                add(angular, v, out[0] + i);
+            } else {
+                add(w, linear, out[0] + i);
+                if (i > j) add(w, angular, out[3] + i);
+                if (task.still) add(v, angular, out[0] + i);
+            }
+        }
+    }
+
     // Adds to or takes off the derivative (k, m) of A X by joint j, which moves the tip by v.
-    template <int sign>
-    void add_carried(int j, const One* v, int stride, One* out) const {
+    void add_carried(double sign, int j, const One* v, int stride, Matrix& out) const {
         if (!task.still || !behind(j)) return;
         for (int i = 0; i < k; i++) {
             One a[3], turn[3];
             clear(a, 3);
             clear(turn, 3);
             for (int b = 0; b < m; b++)
-                for (int c = 0; c < 3; c++) a[c] += A[i * m + b] * task.rows[6 * b + c];
+                for (int c = 0; c < 3; c++) a[c] += A[i][b] * task.rows[6 * b + c];
             add_cross(a, 1, v, stride, turn, 1);
             for (int b = 0; b < m; b++)
                 for (int c = 0; c < 3; c++)
-                    out[i * m + b] += turn[c] * (sign * task.rows[6 * b + 3 + c]);
+                    out[i][b] += turn[c] * (sign * task.rows[6 * b + 3 + c]);
         }
     }
 
+    static One length(const One* row, Span own) { return vsqrt(dot(row, row, own)); }
+
     // Largest component of a row (m,) times any of the twists.
     One norm(const One* row) const {
-        One v = spread(0.0), w = v;
-        for (int a = 0; a < m; a++) (task.linear[a] ? v : w) += row[a] * row[a];
-        return vsqrt(v) * task.tip_speed + vsqrt(w) * task.turn_speed;
+        return length(row, shifts) * task.tip_speed + length(row, turns) * task.turn_speed;
     }
 
-    One largest(const One* z) const {
+    One largest(const Matrix& z) const {
         One most = spread(0.0);
-        for (int j = 0; j < task.n; j++) most = vmax(most, z[j] * (1.0 / task.limits[j]));
+        for (int j = 0; j < task.n; j++) most = vmax(most, z.at[j] * share[j]);
         return most;
     }
 
@@ -126,42 +192,28 @@ struct BoxOfSpeeds {
     void take_inverse() {
         double fastest = 0.0;
         for (int j = 0; j < task.n; j++) fastest = task.limits[j] > fastest ? task.limits[j] : fastest;
-        Row ease, z;
-        Wide eased, X;
-        One N[36];
+        One ease[kSpeedColumns], least = spread(__builtin_inf());
         for (int j = 0; j < k; j++) {
             const double speed = j < task.n ? task.limits[j] : kFreeTurn * fastest;
             ease[j] = spread(speed * speed);
         }
-        One least = spread(__builtin_inf());
-        clear(A, k * m);
+        A.reset(k, m);
         for (int round = 0; round < (k == m || !task.rounds ? 1 : task.rounds); round++) {
+            Matrix eased(k, m), z(k);
             for (int j = 0; j < k; j++)
-                for (int i = 0; i < m; i++) eased[j * m + i] = M[i * k + j] * ease[j];
-            product(M, eased, m, k, m, N);
-            for (int p = 0; p < m; p++) {  // the inverse of a positive matrix needs no pivots
-                const One pivot = 1.0 / N[p * m + p];
-                N[p * m + p] = spread(1.0);
-                for (int j = 0; j < m; j++) N[p * m + j] *= pivot;
-                for (int i = 0; i < m; i++) {
-                    if (i == p) continue;
-                    const One factor = N[i * m + p];
-                    N[i * m + p] = spread(0.0);
-                    for (int j = 0; j < m; j++) N[i * m + j] -= factor * N[p * m + j];
-                }
-            }
-            product(eased, N, k, m, m, X);
-            product(M, X, m, k, m, N);  // one step of Newton's method
-            for (int i = 0; i < k * m; i++) eased[i] = X[i] * 2.0;
-            add_product<-1>(X, N, k, m, m, eased);
-            for (int j = 0; j < k; j++) z[j] = norm(eased + j * m);
+                for (int i = 0; i < m; i++) eased[j][i] = M[i][j] * ease[j];
+            Matrix N = M * eased;
+            invert(N);
+            const Matrix X = eased * N;
+            const Matrix next = X * 2.0 - X * (M * X);  // one step of Newton's method
+            for (int j = 0; j < k; j++) z.at[j] = norm(next[j]);
             const One most = largest(z);
             const OneMask better = most < least;
             least = select(better, most, least);
-            for (int i = 0; i < k * m; i++) A[i] = select(better, eased[i], A[i]);
+            for (int i = 0; i < A.size(); i++) A.at[i] = select(better, next.at[i], A.at[i]);
             for (int j = 0; j < task.n; j++) {
-                const One share = vmax(z[j] * (1.0 / task.limits[j]) / most, kLeastWeight);
-                ease[j] = ease[j] / (share * vsqrt(share));
+                const One part = vmax(z.at[j] * share[j] / most, kLeastWeight);
+                ease[j] = ease[j] / (part * vsqrt(part));
             }
         }
         if (k == m + 1 && !task.rounds) take_pair(least);
@@ -171,50 +223,44 @@ struct BoxOfSpeeds {
     // take of a joint's limit and of another's together is least where both take as much: w is of the
     // two that take most, and goes some steps to where the one that takes most of all is at rest.
     void take_pair(One least) {
-        Row still, s;
-        Wide at;
-        One w[6], pair[6], best[6];
-        double shares[kSpeedColumns];
-        for (int j = 0; j < k; j++) shares[j] = j < task.n ? 1.0 / task.limits[j] : 0.0;
-        clear(still, k);
-        clear(w, m);
+        const Matrix aside = unit(k) - A * M;
+        Matrix at = A;
+        One still[kSpeedColumns], s[kSpeedColumns], w[6], pair[6], best[6], sum[6];
         One longest = spread(-1.0), most = longest;
-        for (int j = 0; j < k; j++) {  // s, of the columns of 1 - A M the largest on its diagonal
-            Row column;
-            for (int i = 0; i < k; i++) {
-                column[i] = spread(i == j ? 1.0 : 0.0);
-                for (int a = 0; a < m; a++) column[i] -= A[i * m + a] * M[a * k + j];
-            }
-            const OneMask better = column[j] > longest;
-            longest = select(better, column[j], longest);
-            for (int i = 0; i < k; i++) still[i] = select(better, column[i], still[i]);
-        }
+        clear(w, m);
         clear(best, m);
+        for (int j = 0; j < k; j++) {  // s: of these columns the largest on the diagonal
+            const OneMask better = aside[j][j] > longest;
+            longest = select(better, aside[j][j], longest);
+            for (int i = 0; i < k; i++) still[i] = select(better, aside[i][j], still[i]);
+        }
+        const auto not_small = [](One x) {
+            return select(vabs(x) < kSpeedRounding, spread(1.0), x);
+        };
+        const auto taken = [&](int i, const One* by) {
+            for (int a = 0; a < m; a++) sum[a] = at[i][a] + s[i] * by[a];
+            return norm(sum);
+        };
         for (int i = 0; i < k; i++) {
-            s[i] = still[i] * shares[i];
-            for (int a = 0; a < m; a++) at[i * m + a] = A[i * m + a] * shares[i];
+            s[i] = still[i] * share[i];
+            for (int a = 0; a < m; a++) at[i][a] *= spread(share[i]);
             for (int j = 0; j < i; j++) {
                 const One side = select(s[i] * s[j] < 0.0, spread(1.0), spread(-1.0));
-                One both = s[i] - side * s[j];
-                both = select(vabs(both) < kSpeedRounding, spread(1.0), both);
-                for (int a = 0; a < m; a++) {
-                    pair[a] = (side * at[j * m + a] - at[i * m + a]) / both;
-                    F[a] = at[i * m + a] + s[i] * pair[a];
-                }
-                const One share = norm(F);
-                const OneMask more = share > most;
-                most = select(more, share, most);
+                const One both = not_small(s[i] - side * s[j]);
+                for (int a = 0; a < m; a++) pair[a] = (side * at[j][a] - at[i][a]) / both;
+                const One takes = taken(i, pair);
+                const OneMask more = takes > most;
+                most = select(more, takes, most);
                 for (int a = 0; a < m; a++) w[a] = select(more, pair[a], w[a]);
             }
         }
         for (int step = 0; step < kPairSteps; step++) {
             One worst = spread(0.0);
             for (int i = 0; i < task.n; i++) {
-                for (int a = 0; a < m; a++) F[a] = at[i * m + a] + s[i] * w[a];
-                const One share = norm(F), none = select(vabs(s[i]) < kSpeedRounding, spread(1.0), s[i]);
-                const OneMask more = share > worst;
-                worst = select(more, share, worst);
-                for (int a = 0; a < m; a++) pair[a] = select(more, -1.0 * at[i * m + a] / none, pair[a]);
+                const One takes = taken(i, w), own = not_small(s[i]);
+                const OneMask more = takes > worst;
+                worst = select(more, takes, worst);
+                for (int a = 0; a < m; a++) pair[a] = select(more, -1.0 * at[i][a] / own, pair[a]);
             }
             const OneMask better = worst < least;
             least = select(better, worst, least);
@@ -225,111 +271,93 @@ struct BoxOfSpeeds {
             }
         }
         for (int i = 0; i < k; i++)
-            for (int a = 0; a < m; a++) A[i * m + a] += still[i] * best[a];
+            for (int a = 0; a < m; a++) A[i][a] += still[i] * best[a];
     }
 
     // E3: what orders of J add that are not looked at, and its rounding. With V_b the length of column
     // b, in the axes in the middle the third derivative of column k by turning joints between it and
-    // the middle is at most the sum of V of the four. Of twists at the tip, by joints behind the
-    // middle V_b of the last of the four; by some of each V of the last one behind. And how far the
-    // tip moves in these axes: by all orders, all but the first, and all but the second.
+    // the middle is at most the sum of V of the four; the fourth, of the point that is still, likewise.
+    // Of twists at the tip, by joints behind the middle V_b of the last of the four; by some of each V
+    // of the last one behind. And how far the tip moves in these axes: by all orders, all but the
+    // first, and all but the second.
     void bound_rest() {
-        Row far, rp, rd, behind, linear, angular, d;
+        One here[kSpeedColumns], far[kSpeedColumns], turning[kSpeedColumns], triple[kSpeedColumns];
         const One zero = spread(0.0);
-        One beyond = zero, p = zero, arms = zero, slides = zero, all = zero;
+        One beyond = zero, moves = zero, pairs = zero, triples = zero, d = zero;
         double reach = 0.0;
         for (int j = k - 1; j >= 0; j--) {
-            One here = zero;
-            for (int a = 0; a < 3; a++) here += J[a * k + j] * J[a * k + j];
-            far[j] = vmin(spread(task.far[j]), vsqrt(here) + beyond);
+            here[j] = vsqrt(J[0][j] * J[0][j] + J[1][j] * J[1][j] + J[2][j] * J[2][j]);
+            far[j] = vmin(spread(task.far[j]), here[j] + beyond);
             beyond += r[j] * task.far[j];
             reach = task.far[j] > reach ? task.far[j] : reach;
-            const bool before = j <= task.middle;
-            rp[j] = before && task.turns[j] ? r[j] : zero;
-            rd[j] = !before && task.turns[j] ? r[j] : zero;
-            behind[j] = before ? zero : r[j] * far[j];
-            all += behind[j];
+            turning[j] = task.turns[j] ? r[j] : zero;
         }
-        One sum = zero, pairs = zero, triples = zero;
-        for (int j = 0; j < k; j++) d[j] = sum += rd[j];
-        for (int j = 0; j < k; j++) {
-            const One others = d[j] - rd[j];
-            pairs += far[j] * rd[j] * rd[j] + behind[j] * others * 2.0;
+        // Behind the middle, of products of two and three the later one at each place.
+        for (int j = task.middle + 1; j < k; j++) {
+            const One others = d, move = r[j] * far[j];
+            d += turning[j];
+            moves += move;
+            pairs += far[j] * turning[j] * turning[j] + move * others * 2.0;
+            triple[j] = far[j] * (d * d * d - others * others * others);
+            if (!task.turns[j]) triple[j] += move * others * others * 3.0;
+            triples += triple[j];
         }
-        for (int j = k - 1; j >= 0; j--) {
-            const One others = d[j] - rd[j], p2 = p * p, p3 = p2 * p;
-            const One x = p2 * (arms + slides) * 3.0 + far[j] * (p3 + d[j] * d[j] * d[j]) + triples +
-                          p2 * all * 3.0 + p * pairs * 3.0;
-            linear[j] = x * (1.0 / 6.0) + kSpeedRounding * (task.far[j] + 1.0);
-            angular[j] = (p3 + others * others * others) * (1.0 / 6.0) + kSpeedRounding;
-            triples += far[j] * (d[j] * d[j] * d[j] - others * others * others);
-            if (!task.turns[j]) triples += behind[j] * others * others * 3.0;
-            if (!task.turns[j] && j <= task.middle) slides += r[j];
-            p += rp[j];
-            arms += rp[j] * far[j];
+        const double part = task.still ? 1.0 / 24.0 : 1.0 / 6.0;
+        One linear[kSpeedColumns], angular[kSpeedColumns], later = triples;  // those behind a joint
+        for (int side = 0; side < 2; side++) {
+            One angle = zero, arms = zero;
+            for (int j = task.middle + side; side ? j < k : j >= 0; j += side ? 1 : -1) {
+                // Of the point that is still, which the joints between move.
+                One lever = task.still ? here[j] : far[j];
+                if (task.still && task.turns[j]) lever += arms;
+                const One power = task.still ? angle * angle * angle : angle * angle;
+                const One turned = angle + turning[j];
+                linear[j] = (arms * (task.still ? 4.0 : 3.0) + lever * angle) * power;
+                if (!task.still && side == 0) {
+                    linear[j] += triples + (angle * moves + pairs) * angle * 3.0;
+                } else if (!task.still) {
+                    later -= triple[j];
+                    linear[j] = far[j] * turned * turned * turned + later;
+                }
+                linear[j] = linear[j] * part + (here[j] + (task.far[j] + 1.0)) * kSpeedRounding;
+                angular[j] = angle * power * part + kSpeedRounding;
+                angle = turned;
+                arms += r[j] * lever;
+            }
         }
         clear(moved, 3);
-        if (task.still) bound_still(linear, angular);
         if (task.still) {
             moved[2] = triples * (1.0 / 6.0) + kSpeedRounding * (reach + 1.0);
             moved[1] = moved[2] + pairs * 0.5;
-            moved[0] = moved[1] + all;
+            moved[0] = moved[1] + moves;
         }
+        E3.reset(k, k);
         for (int i = 0; i < k; i++) {
-            One v = zero, w = zero;
-            for (int a = 0; a < m; a++)
-                (task.linear[a] ? v : w) += A[i * m + a] * A[i * m + a];
-            v = vsqrt(v);
-            w = vsqrt(w);
-            for (int j = 0; j < k; j++) E3[i * k + j] = v * linear[j] + w * angular[j];
-        }
-    }
-
-    // The fourth order of columns, twists at the point that is still.
-    void bound_still(One* linear, One* angular) const {
-        for (int side = 0; side < 2; side++) {
-            One angle = spread(0.0), arms = angle;
-            for (int j = task.middle + side; side ? j < k : j >= 0; j += side ? 1 : -1) {
-                One here = spread(0.0);
-                for (int a = 0; a < 3; a++) here += J[a * k + j] * J[a * k + j];
-                const One lever = task.turns[j] ? vsqrt(here) + arms : vsqrt(here);
-                const One cube = angle * angle * angle;
-                linear[j] = (arms * 4.0 + lever * angle) * cube * (1.0 / 24.0) +
-                            (vsqrt(here) + (task.far[j] + 1.0)) * kSpeedRounding;
-                angular[j] = angle * cube * (1.0 / 24.0) + kSpeedRounding;
-                if (task.turns[j]) angle += r[j];
-                arms += r[j] * lever;
-            }
+            const One v = length(A[i], shifts), w = length(A[i], turns);
+            for (int j = 0; j < k; j++) E3[i][j] = v * linear[j] + w * angular[j];
         }
     }
 
     // F (k,): the largest of (A - E1 A) X x in the box; at its centre; and by joint.
     void first_order() {
-        const One zero = spread(0.0);
+        F.reset(k);
+        center.reset(k);
+        along.reset(k, joints);
         for (int i = 0; i < k; i++) {
-            One extra = zero;
-            Row aside, ways;
-            center[i] = zero;
-            clear(along[i], joints);
+            One extra = spread(0.0), aside[kSpeedColumns], ways[kSpeedColumns];
             clear(aside, joints);
             for (int kind = 0; kind < 2; kind++) {
+                const Span own = kind == 0 ? shifts : turns;
                 const double speed = kind == 0 ? task.tip_speed : task.turn_speed;
-                One square = zero;
-                for (int a = 0; a < m; a++)
-                    if (task.linear[a] == (kind == 0)) square += A[i * m + a] * A[i * m + a];
-                const One length = vsqrt(square), scale = 1.0 / vmax(length, 1e-300);
-                One across = zero, least = length;
+                const One size = length(A[i], own), scale = 1.0 / vmax(size, 1e-300);
+                One across = spread(0.0), least = size;
                 for (int h = 0; h < joints; h++) {
-                    One with = zero, whole = zero;
-                    for (int a = 0; a < m; a++)
-                        if (task.linear[a] == (kind == 0)) with += B[h][i * m + a] * A[i * m + a];
-                    with = with * scale;
-                    for (int a = 0; a < m; a++)
-                        if (task.linear[a] == (kind == 0)) {
-                            const One off = B[h][i * m + a] - with * A[i * m + a] * scale;
-                            whole += off * off;
-                        }
-                    const One by = r[active[h]];
+                    const One by = r[active[h]], with = dot(B[h][i], A[i], own) * scale;
+                    One whole = spread(0.0);
+                    for (int a = own.first; a < own.last; a++) {
+                        const One off = B[h][i][a] - with * A[i][a] * scale;
+                        whole += off * off;
+                    }
                     across += ways[h] = by * vsqrt(whole);
                     least -= by * vabs(with);
                     along[i][h] += with * speed;
@@ -338,238 +366,176 @@ struct BoxOfSpeeds {
                 bent = select(least > 0.0, bent, across - least * 2.0) * speed;
                 extra += bent;
                 for (int h = 0; h < joints; h++) aside[h] += bent * ways[h] / vmax(across, 1e-100);
-                center[i] += length * speed;
+                center.at[i] += size * speed;
             }
-            F[i] = center[i] + extra;
+            F.at[i] = center.at[i] + extra;
             for (int h = 0; h < joints; h++) {
                 along[i][h] = vabs(along[i][h]) * r[active[h]];
-                F[i] += along[i][h];
+                F.at[i] += along[i][h];
                 along[i][h] += aside[h];
             }
         }
     }
 
     // What third derivatives by joints i <= h and those no farther from the middle add to E3.
-    void third_order(const One* both, int i, int h, One rr) {
-        const Span columns = changed(active[i], active[h]);
-        Wide slope, D;
-        Square AD;
+    void third_order(const Matrix& both, int i, int h, One rr) {
         for (int o = behind(active[h]) ? 0 : h; o < joints; o++) {
             if (behind(active[o]) != behind(active[h]) || (behind(active[h]) && o > i)) continue;
             const One rrr = rr * r[active[o]] * (1.0 / (1.0 + (o == i) + (o == h)));
-            clear(slope, 6 * k);
-            clear(AD, k * k);
+            Matrix slope(6, k), AD(k, k);
             add_slope(both, J, active[o], slope);
-            rows_of(slope, D);
-            add_sizes(D, m * k, rrr, size);
-            add_product<1>(A, D, k, m, k, AD, Span{0, m}, columns);
-            add_sizes(AD, k * k, rrr, E3);
+            const Matrix D = rows_of(slope);
+            size.add_sizes(D, rrr);
+            AD.add(A, D, 1.0, all, changed(active[i], active[h]));
+            E3.add_sizes(AD, rrr);
         }
     }
 
-    // What second derivatives add to E2, Q, F (`bent`), and to what joints pull; and third to E3.
-    void second_order(One* bent) {
-        Wide both, D, turned;
-        Square AD, twice;
-        Row here;
-        clear(E2, k * k);
-        clear(Q, k * k);
-        clear(bent, k);
+    // What second derivatives add to E2, Q, F (which is returned), and to what joints pull; and third
+    // to E3.
+    Matrix second_order() {
+        Matrix bent(k);
+        E2.reset(k, k);
+        Q.reset(k, k);
         for (int i = 0; i < joints; i++)
             for (int h = i; h < joints; h++) {
-                const Span first = changed(active[i]), second = changed(active[h]);
-                const Span columns = changed(active[i], active[h]);
-                const One rr = r[active[i]] * r[active[h]] * (h > i ? 1.0 : 0.5);
-                clear(AD, k * k);
-                clear(twice, k * k);
-                clear(turned, k * m);
-                if (columns.last > columns.first) {
-                    clear(both, 6 * k);
+                const int p = active[i], q = active[h];
+                const Span first = changed(p), second = changed(q), common = changed(p, q);
+                const One rr = r[p] * r[q] * (h > i ? 1.0 : 0.5);
+                Matrix AD(k, k), twice(k, k), turned(k, m), here(k);
+                if (common.last > common.first) {
+                    Matrix both(6, k);
                     // Bilinear in columns, so that the rule of products gives its derivative.
-                    add_slope(S[h], J, active[i], both);
-                    add_slope(J, S[h], active[i], both);
-                    rows_of(both, D);
-                    add_sizes(D, m * k, rr, size);
-                    add_product<1>(A, D, k, m, k, AD, Span{0, m}, columns);
-                    add_product<-1>(AD, A, k, k, m, turned, columns, Span{0, m});
+                    add_slope(S[h], J, p, both);
+                    add_slope(J, S[h], p, both);
+                    const Matrix D = rows_of(both);
+                    size.add_sizes(D, rr);
+                    AD.add(A, D, 1.0, all, common);
+                    turned.add(AD, A, -1.0, common, all);
                     if (task.still) third_order(both, i, h, rr);
                 }
                 // The same again where h is i.
-                add_product<1>(G[i], G[h], k, k, k, twice, first, second);
-                add_product<1>(G[h], G[i], k, k, k, twice, second, first);
-                for (int a = 0; a < k * k; a++) {
-                    E2[a] += vabs(AD[a]) * rr;
-                    Q[a] += vabs(twice[a] - AD[a]) * rr;
-                }
-                add_product<1>(G[i], B[h], k, k, m, turned, first, Span{0, m});
-                add_product<1>(G[h], B[i], k, k, m, turned, second, Span{0, m});
+                twice.add(G[i], G[h], 1.0, first, second);
+                twice.add(G[h], G[i], 1.0, second, first);
+                E2.add_sizes(AD, rr);
+                for (int a = 0; a < Q.size(); a++) Q.at[a] += vabs(twice.at[a] - AD.at[a]) * rr;
+                turned.add(G[i], B[h], 1.0, first, all);
+                turned.add(G[h], B[i], 1.0, second, all);
                 One v[3];
                 clear(v, 3);
-                add_cross(J + 3 * k + active[i], k, J + active[h], k, v, 1);
-                add_carried<1>(active[i], v, 1, turned);
-                for (int a = 0; a < k; a++) {
-                    here[a] = norm(turned + a * m) * rr;
-                    bent[a] += here[a];
-                }
-                const One more = largest(here);
-                pull[active[i]] += more;
-                pull[active[h]] += more;
+                add_cross(J[3] + p, k, J[0] + q, k, v, 1);
+                add_carried(1.0, p, v, 1, turned);
+                for (int a = 0; a < k; a++) bent.at[a] += here.at[a] = norm(turned[a]) * rr;
+                pull.at[p] += largest(here);
+                pull.at[q] += largest(here);
             }
+        return bent;
     }
 
     // y (k,), at least all joint speeds in the box; where nothing is proven, the mask is empty.
-    OneMask solved(const One* bent, One* y) {
-        const One zero = spread(0.0);
-        One K[36];
-        Square slack, e1, T, X, E;
-        Row z, columns, f, more, twice, first, second;
-        product(M, A, m, k, m, K);
-        One off = zero;
+    OneMask solved(const Matrix& bent, Matrix& y) {
+        const Matrix a = sizes(A);
+        const Matrix missed = sizes(M * A - unit(m)) + sizes(M) * a * kSpeedRounding;
+        One off = spread(0.0);
         for (int i = 0; i < m; i++) {
-            One row = zero;
-            for (int j = 0; j < m; j++) {
-                One sizes = zero;
-                for (int l = 0; l < k; l++) sizes += vabs(M[i * k + l]) * vabs(A[l * m + j]);
-                row += vabs(K[i * m + j] - (i == j ? 1.0 : 0.0) * spread(1.0)) + sizes * kSpeedRounding;
-            }
-            off = vmax(off, row);
+            One row = spread(0.0);
+            for (int j = 0; j < m; j++) row += missed[i][j];
+            off = vmax(off, row * 2.0);
         }
-        off = off * 2.0;
+        Matrix rounding = size * kSpeedRounding;
         for (int j = 0; j < k; j++) {
-            columns[j] = zero;
-            for (int a = 0; a < m; a++) columns[j] += size[a * k + j];
-            columns[j] *= off;
+            One column = spread(0.0);
+            for (int i = 0; i < m; i++) column += size[i][j] * off;
+            for (int i = 0; i < m; i++) rounding[i][j] += column;
         }
-        for (int i = 0; i < k; i++)
-            for (int j = 0; j < k; j++) {
-                One sum = zero;
-                for (int a = 0; a < m; a++)
-                    sum += vabs(A[i * m + a]) * (size[a * k + j] * kSpeedRounding + columns[j]);
-                slack[i * k + j] = sum;
-            }
-        for (int a = 0; a < k * k; a++) {
-            e1[a] = E1[a] + slack[a];
-            E2[a] += slack[a];
-            E3[a] += slack[a];
-            Q[a] += slack[a];
-            E[a] = e1[a] + E2[a] + E3[a];
-            X[a] = E2[a] + E3[a];
-        }
-        add_product<1>(slack, e1, k, k, k, Q);
-        add_product<1>(e1, slack, k, k, k, Q);
-        product(e1, X, k, k, k, T);
-        add_product<1>(Q, E, k, k, k, T);
-        for (int a = 0; a < k * k; a++) T[a] += E3[a];
+        const Matrix slack = a * rounding, e1 = E1 + slack, e3 = E3 + slack, rest = E2 + slack + e3;
+        const Matrix q = Q + slack + slack * e1 + e1 * slack;
+        const Matrix T = e1 * rest + q * (e1 + rest) + e3;
 
         // Of A X x: all orders but the zeroth, but the first, and but the second.
+        Matrix first(k), second(k), z(k), f(k);
         for (int i = 0; i < k; i++) {
-            One missed = zero, lever = zero;
-            for (int a = 0; a < m; a++) {
-                missed += vabs(A[i * m + a]);
-                if (task.linear[a]) lever += A[i * m + a] * A[i * m + a];
-            }
-            missed *= off * ((1.0 + moved[0]) * task.turn_speed + task.tip_speed) * 2.0;
-            lever = vsqrt(lever) * task.turn_speed;
-            first[i] = lever * moved[0] + missed;
-            second[i] = lever * moved[1] + missed;
-            z[i] = norm(A + i * m) + first[i];
-            f[i] = (F[i] + bent[i]) * (1.0 + kSpeedRounding) + kSpeedRounding +
-                   (lever * moved[2] + missed);
+            One lost = spread(0.0);
+            for (int j = 0; j < m; j++) lost += a[i][j];
+            lost *= off * ((1.0 + moved[0]) * task.turn_speed + task.tip_speed) * 2.0;
+            const One lever = length(A[i], shifts) * task.turn_speed;
+            first.at[i] = lever * moved[0] + lost;
+            second.at[i] = lever * moved[1] + lost;
+            z.at[i] = norm(A[i]) + first.at[i];
+            f.at[i] = (F.at[i] + bent.at[i]) * (1.0 + kSpeedRounding) + kSpeedRounding +
+                      (lever * moved[2] + lost);
         }
-        product(slack, z, k, k, 1, more);
-        product(e1, z, k, k, 1, twice);
-        for (int i = 0; i < k; i++) f[i] += more[i] * 3.0;
-        add_product<1>(slack, twice, k, k, 1, f);
-        add_product<1>(e1, more, k, k, 1, f);
-        add_product<1>(e1, second, k, k, 1, f);
-        add_product<1>(Q, first, k, k, 1, f);
-
-        for (int a = 0; a < k * k; a++) X[a] = zero - vmin(T[a], spread(1e6));
-        for (int i = 0; i < k; i++) {
-            X[i * k + i] += spread(1.0);
-            y[i] = f[i];
-        }
-        solve_spd(X, y, k, 0.0, 0.0);  // where a pivot is not positive, nothing is proven
-        for (int i = 0; i < k; i++) y[i] = y[i] * (1.0 + 1e-9);
-        product(T, y, k, k, 1, more);
+        const Matrix more = slack * z;
+        f = f + more * 3.0 + slack * (e1 * z) + e1 * (more + second) + q * first;
+        Matrix left = unit(k) - entries(T, [&](int i) { return vmin(T.at[i], spread(1e6)); });
+        y = f;
+        solve_spd(left.at, y.at, k, 0.0, 0.0);  // where a pivot is not positive, nothing is proven
+        y = y * (1.0 + 1e-9);
+        const Matrix least = (f + T * y) * (1.0 + kSpeedRounding);
         OneMask good = off < 1e-3;
         for (int i = 0; i < k; i++)
-            good = good & (y[i] > 0.0) & ((f[i] + more[i]) * (1.0 + kSpeedRounding) <= y[i]) &
-                   (y[i] <= 1e300);
+            good = good & (y.at[i] > 0.0) & (least.at[i] <= y.at[i]) & (y.at[i] <= 1e300);
         return good;
     }
 
     // out[0] to out[2]: the share at the centre, in the box by the first order, and a bound of it;
     // out[3 + j]: what joint j pulls.
     void run(One* out) {
-        const One zero = spread(0.0), infinite = spread(__builtin_inf());
-        rows_of(J, M);
+        const One infinite = spread(__builtin_inf());
+        M = rows_of(J);
         take_inverse();
         joints = 0;
-        clear(pull, k);
-        clear(E1, k * k);
-        for (int a = 0; a < m * k; a++) size[a] = vabs(M[a]);
-        Wide D;
+        pull.reset(k);
+        size = sizes(M);
+        E1.reset(k, k);
         for (int j = 0; j < task.n; j++) {
             if (!task.moving[j]) continue;
-            One* slope = S[joints];
-            clear(slope, 6 * k);
+            Matrix &slope = S[joints], &g = G[joints], &b = B[joints];
+            slope.reset(6, k);
+            g.reset(k, k);
+            b.reset(k, m);
             add_slope(J, J, j, slope);
-            rows_of(slope, D);
-            add_sizes(D, m * k, r[j], size);
-            clear(G[joints], k * k);
-            clear(B[joints], k * m);
-            add_product<1>(A, D, k, m, k, G[joints], Span{0, m}, changed(j));
-            add_sizes(G[joints], k * k, r[j], E1);
-            add_product<1>(G[joints], A, k, k, m, B[joints], changed(j), Span{0, m});
-            add_carried<-1>(j, J + j, k, B[joints]);
+            const Matrix D = rows_of(slope);
+            size.add_sizes(D, r[j]);
+            g.add(A, D, 1.0, all, changed(j));
+            E1.add_sizes(g, r[j]);
+            b.add(g, A, 1.0, changed(j), all);
+            add_carried(-1.0, j, J[0] + j, k, b);
             active[joints++] = j;
         }
         bound_rest();
         first_order();
         // Where this is too much already, the second order is not looked at.
-        Row x, y, rest, bent;
-        product(E3, F, k, k, 1, rest);
-        product(E1, F, k, k, 1, x);
-        product(E1, x, k, k, 1, y);
-        for (int i = 0; i < k; i++) y[i] += rest[i];
-        product(E1, y, k, k, 1, x);
-        for (int i = 0; i < k; i++) x[i] += F[i] + rest[i];
-        const OneMask some = largest(x) <= spread(1.0);
+        const Matrix rest = E3 * F;
+        const OneMask some = largest(F + rest + E1 * (E1 * (E1 * F) + rest)) <= spread(1.0);
         OneMask good = never();
         One most = infinite;
+        Matrix x = F;
         if (any(some)) {
-            second_order(bent);
-            good = solved(bent, y) & some;
+            Matrix y;
+            good = solved(second_order(), y) & some;
             most = select(good, largest(y) * (1.0 + kSpeedRounding), infinite);
-            for (int j = 0; j < k; j++) pull[j] = select(some, pull[j], zero);
+            for (int j = 0; j < k; j++) pull.at[j] = select(some, pull.at[j], spread(0.0));
+            for (int i = 0; i < k; i++) x.at[i] = select(good, y.at[i], F.at[i]);
         }
-        for (int i = 0; i < k; i++) x[i] = select(good, y[i], F[i]);
-        product(E1, x, k, k, 1, y);
-        product(E1, y, k, k, 1, rest);
-        One worst = spread(-1.0);
-        Row by;
+        const Matrix twice = E1 * (E1 * x);
+        One worst = spread(-1.0), by[kSpeedColumns];
         clear(by, joints);
         for (int i = 0; i < task.n; i++) {
-            const One share = x[i] * (1.0 / task.limits[i]);
-            const OneMask more = share > worst;
-            worst = select(more, share, worst);
-            for (int h = 0; h < joints; h++)
-                by[h] = select(more, along[i][h] * (1.0 / task.limits[i]), by[h]);
+            const OneMask more = x.at[i] * share[i] > worst;
+            worst = select(more, x.at[i] * share[i], worst);
+            for (int h = 0; h < joints; h++) by[h] = select(more, along[i][h] * share[i], by[h]);
         }
         for (int h = 0; h < joints; h++) {
-            One third = zero;
+            One third = spread(0.0);
             for (int i = 0; i < task.n; i++)
-                for (int j = 0; j < k; j++)
-                    third += vabs(G[h][i * k + j]) * rest[j] * (1.0 / task.limits[i]);
-            pull[active[h]] += by[h] + r[active[h]] * third * 3.0;
+                for (int j = 0; j < k; j++) third += vabs(G[h][i][j]) * twice.at[j] * share[i];
+            pull.at[active[h]] += by[h] + r[active[h]] * third * 3.0;
         }
-        const One share = largest(center);
-        One taken = zero;  // no right inverse was found where A is zero
-        for (int a = 0; a < k * m; a++) taken += vabs(A[a]);
-        out[0] = select(taken > 0.0, share, infinite);
-        out[1] = select(taken > 0.0, largest(F), infinite);
-        out[2] = select(taken > 0.0, most, infinite);
-        for (int j = 0; j < task.n; j++) out[3 + j] = pull[j];
+        One taken = spread(0.0);  // no right inverse was found where A is zero
+        for (int i = 0; i < A.size(); i++) taken += vabs(A.at[i]);
+        const One told[] = {largest(center), largest(F), most};
+        for (int i = 0; i < 3; i++) out[i] = select(taken > 0.0, told[i], infinite);
+        for (int j = 0; j < task.n; j++) out[3 + j] = pull.at[j];
     }
 };

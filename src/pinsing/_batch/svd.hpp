@@ -86,40 +86,36 @@ static __attribute__((noinline)) void bidiagonalise(V* A, int columns, V* q, V* 
 constexpr int kJacobiSweeps = 16;
 constexpr double kParallel = 4.0e-16;  // cosine of an angle between columns that are orthogonal
 constexpr double kNoLength = 1.0e-31;  // square of a column that is nothing but rounding
-static __attribute__((noinline)) void orthogonalise(V* C, int count, int length, int more,
+template <class T>
+static __attribute__((noinline)) void orthogonalise(T* C, int count, int length, int more,
                                                     int stride) {
     for (int sweep = 0; sweep < kJacobiSweeps; sweep++) {
-        V longest = broadcast(0.0);
+        T longest{};
         for (int k = 0; k < count; k++) {
-            V square = broadcast(0.0);
-            for (int i = 0; i < length; i++) square += C[k * stride + i] * C[k * stride + i];
-            longest = vmax(longest, square);
+            const T* x = C + k * stride;
+            longest = vmax(longest, dot(x, x, length));
         }
-        const V nothing = longest * kNoLength;
-        Mask changed = none();  // a swap as well: pairs that were looked at before it are others then
+        const T nothing = longest * kNoLength;
+        // By a swap as well: pairs that were looked at before it are others then.
+        decltype(nothing < nothing) changed{};
         for (int k = 0; k < count - 1; k++) {
             for (int l = k + 1; l < count; l++) {
-                V* x = C + k * stride;
-                V* y = C + l * stride;
-                V a = broadcast(0.0), b = a, g = a;
-                for (int i = 0; i < length; i++) {
-                    a += x[i] * x[i];
-                    b += y[i] * y[i];
-                    g += x[i] * y[i];
-                }
-                const Mask swap = a < b;
-                const V low = select(swap, a, b), high = select(swap, b, a);
-                const Mask turn =
+                T* x = C + k * stride;
+                T* y = C + l * stride;
+                const T a = dot(x, x, length), b = dot(y, y, length), g = dot(x, y, length);
+                const auto swap = a < b;
+                const T low = select(swap, a, b), high = select(swap, b, a);
+                const auto turn =
                     (g * g > (high * low) * (kParallel * kParallel)) & (low > nothing);
                 if (!any(swap | turn)) continue;
                 changed = changed | swap | turn;
                 // x' = c x - s y, y' = s x + c y for the longer x and the shorter y.
-                const V z = (low - high) / select(turn, g + g, broadcast(1.0));
-                V t = copysign(1.0 / (vabs(z) + vsqrt(1.0 + z * z)), z);
-                t = select(turn, t, broadcast(0.0));
-                const V c = 1.0 / vsqrt(1.0 + t * t), s = c * t;
+                const T z = (low - high) / select(turn, g + g, T{} + 1.0);
+                T t = copysign(1.0 / (vabs(z) + vsqrt(1.0 + z * z)), z);
+                t = select(turn, t, T{});
+                const T c = 1.0 / vsqrt(1.0 + t * t), s = c * t;
                 for (int i = 0; i < length + more; i++) {
-                    const V p = select(swap, y[i], x[i]), r = select(swap, x[i], y[i]);
+                    const T p = select(swap, y[i], x[i]), r = select(swap, x[i], y[i]);
                     x[i] = c * p - s * r;
                     y[i] = s * p + c * r;
                 }
@@ -137,9 +133,5 @@ static __attribute__((noinline)) void by_rotations(const V* q, const V* e, V* S)
     for (int k = 0; k < K; k++) B[k * K + k] = vsqrt(q[k]);
     for (int k = 0; k < K - 1; k++) B[k * K + k + 1] = vsqrt(e[k]);
     orthogonalise(B, K, K, 0, K);
-    for (int k = 0; k < K; k++) {
-        V square = broadcast(0.0);
-        for (int i = 0; i < K; i++) square += B[k * K + i] * B[k * K + i];
-        S[k] = vsqrt(square);
-    }
+    for (int k = 0; k < K; k++) S[k] = vsqrt(dot(B + k * K, B + k * K, K));
 }

@@ -52,7 +52,7 @@ struct Fall {
 // or the third. TubeSum's `table` holds the coefficients of cosines and sines in kTubeColumn's columns.
 struct SumOnBox {
     const TubeSum* s;
-    const One* h;
+    One x[4], h[4];  // of its own joints
     One columns[kTubeColumns], reach[kTubeTerms];
     const One &value = columns[0], *last = columns + kTubeSteep;
     One swing, parts[4], noise;  // by how much it varies, in all and by joint
@@ -74,9 +74,13 @@ struct SumOnBox {
         }
     }
 
-    SumOnBox(const TubeSum& sum, const One* x, const One* h, bool fine) : s(&sum), h(h) {
+    SumOnBox(const TubeSum& sum, const One* all_x, const One* all_h, bool fine) : s(&sum) {
         One cosine[kTubeTerms], sine[kTubeTerms], farthest = spread(4.0);
-        for (int j = 0; j < 4; j++) farthest = vmax(farthest, vabs(x[j]));
+        for (int j = 0; j < 4; j++) {
+            x[j] = all_x[sum.joint[j]];
+            h[j] = all_h[sum.joint[j]];
+            farthest = vmax(farthest, vabs(x[j]));
+        }
         for (int t = 0; t < s->terms; t++) {
             const double *term = s->term + kTubeTerm * t, *rate = term + 2;
             One angle = spread(term[1]);
@@ -145,7 +149,7 @@ struct SumOnBox {
     // whichever the value falls along at first.
     Fall along(const One* e, One sign, bool all_points) const {
         const One zero = spread(0.0);
-        One slope = zero, curve = zero, jerk = zero, snap = zero, off[5] = {zero, zero, zero, zero, zero};
+        One slope = zero, curve = zero, jerk = zero, snap = zero, off[5] = {};
         Fall f;
         f.last = f.top = zero;
         for (int t = 0; t < s->terms; t++) {
@@ -218,41 +222,29 @@ struct SumOnBox {
     }
 };
 
-// Eigenvectors (columns of v) and eigenvalues (w) of the second derivatives, about: by Jacobi's rotations.
-PINSING_INLINE void eigen(const SumOnBox& f, One v[4][4], One* w) {
-    constexpr int n = 4;
-    One a[n][n];
-    for (int i = 0; i < n; i++)
-        for (int j = 0; j < n; j++) {
-            v[i][j] = spread(i == j);
-            a[i][j] = f.by(i, j);
-        }
-    for (int i = 0; i < 3 * n * n; i++) {
-        const int p = i % (n * n) / n, q = i % n;
-        if (q <= p) continue;
-        const One d = (a[q][q] - a[p][p]) * 0.5, b = a[p][q], r = vsqrt(d * d + b * b);
-        const One t = select(d > 0.0, b, -1.0 * b) / vmax(vabs(d) + r, kLeast);
-        const One c = 1.0 / vsqrt(1.0 + t * t), s = t * c;
-        const auto turn = [&](One& x, One& y) {
-            const One z = c * x - s * y;
-            y = s * x + c * y;
-            x = z;
-        };
-        for (int k = 0; k < n; k++) turn(a[k][p], a[k][q]);
-        for (int k = 0; k < n; k++) turn(a[p][k], a[q][k]);
-        for (int k = 0; k < n; k++) turn(v[k][p], v[k][q]);
+// Eigenvectors (v[k] + 4) and eigenvalues (w) of the second derivatives, about: what is added to
+// their diagonal makes these positive.
+PINSING_INLINE void eigen(const SumOnBox& f, One v[4][8], One* w) {
+    One most = spread(kLeast);
+    for (int i = 0; i < 4; i++) {
+        One row = spread(0.0);
+        for (int j = 0; j < 8; j++) v[i][j] = j < 4 ? f.by(i, j) : spread(j == 4 + i);
+        for (int j = 0; j < 4; j++) row += vabs(v[i][j]);
+        most = vmax(most, row);
     }
-    for (int i = 0; i < n; i++) w[i] = a[i][i];
+    for (int i = 0; i < 4; i++) v[i][i] += most;
+    orthogonalise(v[0], 4, 4, 4, 8);
+    for (int i = 0; i < 4; i++) w[i] = vsqrt(dot(v[i], v[i], 4)) - most;
 }
 
 // The unit direction e in which a value of a sign has fallen by `drop` first, to second order:
 // -m (1 + m H)^-1 g with the least m > 0. It has no proof and needs none.
-PINSING_INLINE void shortest(const SumOnBox& f, const One v[4][4], const One* w, One sign, One drop,
+PINSING_INLINE void shortest(const SumOnBox& f, const One v[4][8], const One* w, One sign, One drop,
                              One* e) {
-    One g[4], bend[4], step[4], least = spread(0.0), low = least, high = spread(1.0), size = least;
+    One g[4], bend[4], step[4], least = spread(0.0), low = least, high = spread(1.0);
     for (int i = 0; i < 4; i++) {
         g[i] = spread(0.0);
-        for (int j = 0; j < 4; j++) g[i] += v[j][i] * f.by(j);
+        for (int j = 0; j < 4; j++) g[i] += v[i][4 + j] * f.by(j);
         // On a ridge either side is a way down: some of the slope that a fall along it has in the end.
         const One some = 0.01 * vsqrt(drop * vabs(w[i])) + 1e-12;
         g[i] = sign * g[i];
@@ -272,18 +264,18 @@ PINSING_INLINE void shortest(const SumOnBox& f, const One v[4][4], const One* w,
     });
     for (int j = 0; j < 4; j++) {
         e[j] = spread(0.0);
-        for (int i = 0; i < 4; i++) e[j] -= v[j][i] * step[i];
-        size += e[j] * e[j];
+        for (int i = 0; i < 4; i++) e[j] -= v[i][4 + j] * step[i];
     }
-    for (int j = 0; j < 4; j++) e[j] = e[j] / vsqrt(size);
+    const One size = vsqrt(dot(e, e, 4));
+    for (int j = 0; j < 4; j++) e[j] = e[j] / size;
 }
 
 // How far points of a box are from a joint value at most and at least.
 PINSING_INLINE void of_value(const TubeSum& sum, const One* x, const One* h, One& most, One& least) {
     One angle = spread(sum.term[1] - 1.5707963267948966), wide = spread(0.0);
     for (int j = 0; j < 4; j++) {
-        angle += x[j] * sum.term[2 + j];
-        wide += h[j] * (2.0 * __builtin_fabs(sum.term[2 + j]));
+        angle += x[sum.joint[j]] * sum.term[2 + j];
+        wide += h[sum.joint[j]] * (2.0 * __builtin_fabs(sum.term[2 + j]));
     }
     const double magic = 6755399441055744.0;  // as in sincos.hpp
     const One turns = (angle * 0.31830988618379067 + magic) - magic;
@@ -314,8 +306,8 @@ struct Condition {
         for (int j = 0; j < 4; j++) parts[j] = f.parts[j];
         if (sum.is_value) return of_value(sum, x, h, within, off);
         for (int j = 0; j < 4; j++)
-            if (sum.uses[j]) within += h[j] * h[j];
-        One reached = spread(kFar), v[4][4], w[4], e[4];
+            if (sum.uses[j]) within += f.h[j] * f.h[j];
+        One reached = spread(kFar), v[4][8], w[4], e[4];
         eigen(f, v, w);
         for (int k = 0; k < 4; k++) {
             const One way = spread(k % 2 ? -1.0 : 1.0);
@@ -426,18 +418,6 @@ inline void tube_box(const Tube& p, One* x, One* h, One* far, One& split) {
     choose(score, 4, ~done, split);
 }
 
-// A sum on the ranges of its own four joints.
-struct OwnSum {
-    const TubeSum& s;
-    One x[4], h[4];
-    OwnSum(const TubeSum& sum, const One* all_x, const One* all_h) : s(sum) {
-        for (int j = 0; j < 4; j++) {
-            x[j] = all_x[s.joint[j]];
-            h[j] = all_h[s.joint[j]];
-        }
-    }
-};
-
 // Adds a small sum in all five joints to a minor in four of them, to the second order; what it varies by
 // the joint that is not among these is noise.
 inline void add_small(const TubeSum& more, const One* x, const One* h, SumOnBox& minor) {
@@ -490,8 +470,7 @@ inline void rank_box(const Tube& p, One* x, One* h, One* far, One& split) {
     auto done = never();
     for (int i = 3 + p.factors; i < p.count && any(~done); i += 2) {
         const TubeSum &s = p.sums[i], &more = p.sums[i + 1];
-        const OwnSum own(s, x, h);
-        SumOnBox minor(s, own.x, own.h, false);
+        SumOnBox minor(s, x, h, false);
         const One least = minor.least();
         // Whether the second sum matters: else it is less than its terms.
         done = done | (least > more.size * (kMore + more.noise));
@@ -521,15 +500,14 @@ inline void rank_box(const Tube& p, One* x, One* h, One* far, One& split) {
                 square = middle_square = spread(kFar * kFar);
                 continue;
             }
-            const OwnSum own(s, x, h);
             One low = zero, high, middle;
             if (s.is_value) {
-                of_value(s, own.x, own.h, high, low);
-                middle = high - own.h[0];
-                parts[s.joint[0]] += own.h[0];
+                of_value(s, x, h, high, low);
+                middle = high - h[s.joint[0]];
+                parts[s.joint[0]] += h[s.joint[0]];
             } else {
                 Condition c;
-                c.set(s, own.x, own.h, spread(1e8), zero);
+                c.set(s, x, h, spread(1e8), zero);
                 high = c.within;
                 halve(low, high, 2.0, 12, [&](One t) { return c.below(t) > c.most; });
                 One left = c.most;

@@ -44,25 +44,18 @@ PINSING_INLINE void add_cross(const T* a, int sa, const T* b, int sb, T* out, in
 // u^T (dJ v / dq_j) for every joint, with u (6,) and v (n,): columns of later joints turn with joint
 // j, and it is carried by the earlier ones (see jacobian_derivative in kinematics/jacobian.py).
 static void derivative_along(const V* J, int n, const V* u, const V* v, V* out) {
-    V later[6], earlier[3];
-    for (int r = 0; r < 6; r++) later[r] = broadcast(0.0);
-    for (int r = 0; r < 3; r++) earlier[r] = broadcast(0.0);
-    for (int j = 0; j < n; j++)
-        for (int r = 0; r < 3; r++) earlier[r] += v[j] * J[(3 + r) * n + j];
+    V later[6] = {}, earlier[3];
+    for (int r = 0; r < 3; r++) earlier[r] = dot(v, J + (3 + r) * n, n);
     for (int j = n - 1; j >= 0; j--) {
-        V turning[3], moving[3];
+        V turning[3] = {}, moving[3] = {};
         for (int r = 0; r < 6; r++) later[r] += v[j] * J[r * n + j];
-        for (int r = 0; r < 3; r++) {
-            earlier[r] -= v[j] * J[(3 + r) * n + j];
-            turning[r] = moving[r] = broadcast(0.0);
-        }
+        for (int r = 0; r < 3; r++) earlier[r] -= v[j] * J[(3 + r) * n + j];
         add_cross(later, 1, u, 1, turning, 1);
         add_cross(later + 3, 1, u + 3, 1, turning, 1);
         add_cross(u, 1, earlier, 1, moving, 1);
-        V sum = broadcast(0.0);
+        out[j] = broadcast(0.0);
         for (int r = 0; r < 3; r++)
-            sum += J[(3 + r) * n + j] * turning[r] + J[r * n + j] * moving[r];
-        out[j] = sum;
+            out[j] += J[(3 + r) * n + j] * turning[r] + J[r * n + j] * moving[r];
     }
 }
 
@@ -70,36 +63,28 @@ static void derivative_along(const V* J, int n, const V* u, const V* v, V* out) 
 // that of the singular triplet itself first.
 static void equations_at(const WalkTask& w, const V* J, V* B) {
     const int n = w.chain.n, m = w.task.m, r = w.rank;
-    V columns[kWalkJoints * (6 + kWalkJoints)], rows[6 * (kWalkJoints + 6)];
-    const int column = m + n, row = column;
+    V columns[kWalkJoints * (6 + kWalkJoints)], rows[6 * (kWalkJoints + 6)], own[6];
+    const int length = m + n;
     bordered(w.task, n, J, columns, rows);
-    orthogonalise(columns, n, m, n, column);
+    orthogonalise(columns, n, m, n, length);
     // u_r is J v_r / sigma_r, which belongs to v_r where singular values are equal, too.
-    V first = broadcast(0.0), last = first;
-    for (int i = 0; i < m; i++) {
-        first += columns[i] * columns[i];
-        last += columns[(r - 1) * column + i] * columns[(r - 1) * column + i];
-    }
+    const V* moved = columns + (r - 1) * length;
+    const V first = dot(columns, columns, m), last = dot(moved, moved, m);
     const Mask has_direction = last > first * (kTiny * kTiny);
     const V scale = 1.0 / vsqrt(select(has_direction, last, broadcast(1.0)));
-    if (m > r || any(~has_direction)) orthogonalise(rows, m, n, m, row);
+    if (m > r || any(~has_direction)) orthogonalise(rows, m, n, m, length);
     V* pair = B;
     for (int a = r - 1; a < m; a++) {
-        V u[6];
-        for (int k = 0; k < 6; k++) u[k] = broadcast(0.0);
+        V u[6] = {};
         for (int i = 0; i < m; i++) {
-            V entry = rows[a * row + n + i];
-            if (a == r - 1)
-                entry = select(has_direction, columns[(r - 1) * column + i] * scale, entry);
-            u[w.task.row[i]] = entry;
+            own[i] = rows[a * length + n + i];
+            if (a == r - 1) own[i] = select(has_direction, moved[i] * scale, own[i]);
+            u[w.task.row[i]] = own[i];
         }
-        for (int b = r - 1; b < n; b++) {
-            const V* v = columns + b * column + m;
-            derivative_along(J, n, u, v, pair);
-            V value = broadcast(0.0);  // columns are J v
-            for (int i = 0; i < m; i++) value += u[w.task.row[i]] * columns[b * column + i];
-            pair[n] = value;
-            pair += n + 1;
+        for (int b = r - 1; b < n; b++, pair += n + 1) {
+            const V* Jv = columns + b * length;
+            derivative_along(J, n, u, Jv + m, pair);
+            pair[n] = dot(own, Jv, m);
         }
     }
 }
@@ -108,13 +93,10 @@ static void equations_at(const WalkTask& w, const V* J, V* B) {
 static void solve_damped(V* B, int count, int n, V shift, V* step) {
     orthogonalise(B, count, n, 1, n + 1);
     for (int j = 0; j < n; j++) step[j] = broadcast(0.0);
-    V longest = broadcast(0.0);
-    for (int j = 0; j < n; j++) longest += B[j] * B[j];
+    const V longest = dot(B, B, n);
     const V least = shift + longest * 4.930380657631324e-32 + 2.2250738585072014e-308;
     for (int k = 0; k < count; k++) {
-        const V* row = B + k * (n + 1);
-        V square = broadcast(0.0);
-        for (int j = 0; j < n; j++) square += row[j] * row[j];
+        const V *row = B + k * (n + 1), square = dot(row, row, n);
         const Mask something = square > longest * kNothing;
         const V gain = select(something, row[n] / (square + least), broadcast(0.0));
         for (int j = 0; j < n; j++) step[j] -= gain * row[j];
@@ -131,8 +113,11 @@ static Mask step_at(const WalkTask& w, const V* q, const V* free, const V* J, V 
     for (int k = 0; k < count; k++)
         for (int j = 0; j < n; j++) B[k * (n + 1) + j] *= free[j];
     const V shift = damping * last * last;
-    for (int k = 0; k < count * (n + 1); k++) copy[k] = B[k];
-    solve_damped(copy, count, n, shift, step);
+    const auto solve = [&] {
+        for (int k = 0; k < count * (n + 1); k++) copy[k] = B[k];
+        solve_damped(copy, count, n, shift, step);
+    };
+    solve();
     Mask blocked[kWalkJoints], some = none();
     const V zero = broadcast(0.0);
     for (int j = 0; j < n; j++) {
@@ -144,18 +129,12 @@ static Mask step_at(const WalkTask& w, const V* q, const V* free, const V* J, V 
         for (int k = 0; k < count; k++)
             for (int j = 0; j < n; j++)
                 B[k * (n + 1) + j] = select(blocked[j], zero, B[k * (n + 1) + j]);
-        for (int k = 0; k < count * (n + 1); k++) copy[k] = B[k];
-        solve_damped(copy, count, n, shift, step);
+        solve();
     }
-    V size = zero, slope = zero;
-    for (int j = 0; j < n; j++) {
-        step[j] *= free[j];
-        size += step[j] * step[j];
-        slope += B[j] * B[j];
-    }
-    const V shorter = vmin(w.longest / vmax(vsqrt(size), 1e-300), 1.0);
+    for (int j = 0; j < n; j++) step[j] *= free[j];
+    const V shorter = vmin(w.longest / vmax(vsqrt(dot(step, step, n)), 1e-300), 1.0);
     for (int j = 0; j < n; j++) step[j] *= shorter;
-    return (slope <= w.stationary * last * first) & (last > w.no_minimum * first);
+    return (dot(B, B, n) <= w.stationary * last * first) & (last > w.no_minimum * first);
 }
 
 // Walks of one block: q is moved. Out: derivatives taken, and 1 where a walk came to rest.

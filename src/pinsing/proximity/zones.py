@@ -311,7 +311,7 @@ class SpeedBounds:
 
     def _of(self, C: Array, R: Array, rounds: int) -> Records:
         out = engine.module().joint_speeds(
-            *(self.rows, self.linear, self.judge.limits, self.far, self.turns, self.moving),
+            *(self.rows, self.linear.sum(), self.judge.limits, self.far, self.turns, self.moving),
             *([self.v, self.w], self.middle, rounds, self.still, self.jacobians(C)),
             *(np.ascontiguousarray(R), engine.isa_names()[-1], engine.cpu_count()),
         )
