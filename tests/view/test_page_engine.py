@@ -201,8 +201,7 @@ def test_paths_lead_in_and_along(name: str) -> None:
 
 @pytest.mark.slow
 def test_ticks_are_where_a_family_is_met_by_one_joint() -> None:
-    arm = textbook("puma560")
-    data, entries = engine(arm)
+    data, entries = engine(textbook("puma560"))
     q = [0.3, 0.2, 0.4, 0.5, 0.7, 0.1]
     each = "q.map((_, j) => m.meetings(f, q, j, -Math.PI, Math.PI, false))"
     found = ask(f"data.families.map((f) => {each})", data=data, q=q)
@@ -244,8 +243,7 @@ def test_singular_values_of_hard_matrices() -> None:
 def test_the_bundle_is_the_modules() -> None:
     """A script that says `Engine`; pages in a browser run it, too."""
     said = "[Object.keys(Engine), Engine.svd([[3, 0], [0, 4]]).sigma]"
-    script = f"{engine_script()}; {said}"
-    names, sigma = ask("(0, eval)(script)", script=script)
+    names, sigma = ask("(0, eval)(script)", script=f"{engine_script()}; {said}")
     assert {"frameAt", "svd", "distance", "into", "along", "meetings"} <= set(names)
     assert sigma == [4, 3]
 
@@ -413,6 +411,9 @@ def test_every_end_of_the_curve_is_singular(robot: str, name: str) -> None:
 def test_a_curve_through_points_of_the_grid_passes_through_them() -> None:
     equation = {"amplitude": [1, -1], "phase": [0, 0], "rate": [[1, 0], [0, 1]], "power": None}
     equation |= {"noise": 0, "reach": 1, "curvature": 1, "size": 2}
-    given = "(m, e) => m.locus(e, [0, 0], 0, 1, [-3, 3], [-3, 3])"
-    ends = np.array(run(given, equation)).reshape(-1, 2)
+    given = """(m, e) => [m.locus(e, [0, 0], 0, 1, [-3, 3], [-3, 3]),
+      m.crossings([{ branches: [{ values: [], equations: [e] }] }], [[.1, .9], [.9, .1]], [])]"""
+    lines, met = run(given, equation)
+    ends = np.array(lines).reshape(-1, 2)
     assert np.abs(np.ptp(np.cos(ends), axis=1)).max() < 1e-4
+    assert met[0]["at"] == [0.5]

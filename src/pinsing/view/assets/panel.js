@@ -3,8 +3,9 @@
 const $ = (id) => document.getElementById(id);
 
 // An element, its class or all that is set of it, and what it holds: words, or other elements.
-function make(tag, given = {}, ...content) {
-  const node = Object.assign(document.createElement(tag), typeof given === "string" ? { className: given } : given);
+function make(tag, given = "", ...content) {
+  const node = document.createElement(tag);
+  if (given) Object.assign(node, typeof given === "string" ? { className: given } : given);
   node.append(...content);
   return node;
 }

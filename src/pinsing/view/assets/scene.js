@@ -58,7 +58,6 @@ class SceneView {
       this.labels.place(V.camera);
       this.placed?.(V.camera);
     };
-    this.lights();
     this.paint();
   }
 
@@ -132,7 +131,7 @@ class SceneView {
   // Meshcat's lights fade ten metres away and stand at 1.5 m: move them out with large robots. Their
   // sum turns a white robot into a white silhouette: less of each keeps its shape.
   lights() {
-    const far = Math.max(1, this.settings?.reach ?? 1), lamp = (name) => this.viewer.scene_tree.find(["Lights", name, "<object>"]).object;
+    const far = Math.max(1, this.settings.reach), lamp = (name) => this.viewer.scene_tree.find(["Lights", name, "<object>"]).object;
     lamp("AmbientLight").intensity = 0.46;
     lamp("FillLight").intensity = 0.22;
     for (const [name, x] of [["PointLightNegativeX", 1.5], ["PointLightPositiveX", -1.5]]) {

@@ -160,8 +160,8 @@ const sign = (value) => (Math.abs(value) <= STRAIGHT ? "0" : value > 0 ? "+" : "
 // Determinant of the passive columns of the closure, positive at home; null where it has no sign.
 export function assemblyValue(data, q) {
   if (!data.assembly) return null;
-  const { rows, sign: home } = data.assembly, { G } = closure(data, q);
-  return home * determinant(rows.map((r) => passiveOf(data).map((j) => G[r][j])));
+  const { rows, sign: home } = data.assembly, { G } = closure(data, q), passive = passiveOf(data);
+  return home * determinant(rows.map((r) => passive.map((j) => G[r][j])));
 }
 
 // "+" as at home, "-", "0" at a type 2 singularity, "?" where there is no sign.
