@@ -49,7 +49,8 @@ class MechanismPanel extends Panel {
   joints() {
     const { app } = this, { actuated, pose } = app.engine, count = this.listed.length, output = this.page.robot.output;
     const title = make("h3", { title: "Metres and degrees in the axes of the base; roll, pitch, yaw about x, y, z" }, `Pose of ${output}, led`);
-    const few = count - actuated.length, passive = make("details", { id: "passive", open: few <= FEW }, make("summary", "", `${many(few, "passive joint")}, solved`));
+    const few = count - actuated.length, words = `${many(few, "passive joint")}, solved`;
+    const passive = make("details", { id: "passive", open: few <= FEW }, make("summary", "", words));
     this.listed = [...this.listed, ...pose.coordinates];
     this.windows = this.listed.map(({ span }) => span);
     $("joints").style.setProperty("--name", `${Math.min(Math.max(...this.listed.map((j) => j.symbol.length), 3), 12)}ch`);

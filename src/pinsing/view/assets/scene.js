@@ -283,7 +283,8 @@ class SceneView {
     if (getComputedStyle(legend).position !== "absolute") return;
     camera.updateMatrixWorld();
     const box = boxIn(this.element, legend), low = box.bottom + 10, end = box.right + 10; // px beside it
-    const above = points.map((p) => pixelsOf(p, camera, this.element)).filter(([, y]) => y < low), left = above.filter(([x]) => x < end).length, right = above.filter(([x]) => x > wide - end).length;
+    const above = points.map((p) => pixelsOf(p, camera, this.element)).filter(([, y]) => y < low);
+    const left = above.filter(([x]) => x < end).length, right = above.filter(([x]) => x > wide - end).length;
     legend.classList.toggle("right", right < left);
   }
 

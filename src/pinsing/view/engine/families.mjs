@@ -115,8 +115,8 @@ export function lowerBound(equation, q) {
 
 // Values of equations at q (n) over their sizes, and their slopes by some joints.
 export function slopesAt(equations, q, joints) {
-  const found = equations.map((e) => evaluate(e, q));
-  return { values: found.map((r, i) => r.value / equations[i].size), rows: found.map((r, i) => joints.map((j) => r.gradient[j] / equations[i].size)) };
+  const found = equations.map((e) => evaluate(e, q)), over = (v, i) => v / equations[i].size;
+  return { values: found.map((r, i) => over(r.value, i)), rows: found.map((r, i) => joints.map((j) => over(r.gradient[j], i))) };
 }
 
 // Point of the branch's equations near q, moved along some joints, or null.
@@ -163,7 +163,8 @@ export function crossings(families, rows, joints) {
 function crossed({ values: [fixed], equations }, a, b, joints) {
   if (!fixed) return zerosBetween(equations[0], a, b, 1).filter((part) => part > 0);
   const { joint, value } = fixed, [from, to] = [a[joint], b[joint]];
-  return turnsOf(value, Math.min(from, to), Math.max(from, to), joints[joint].prismatic).filter((v) => v !== from && v !== to).map((v) => (v - from) / (to - from));
+  const passed = turnsOf(value, Math.min(from, to), Math.max(from, to), joints[joint].prismatic);
+  return passed.filter((v) => v !== from && v !== to).map((v) => (v - from) / (to - from));
 }
 
 const MOST = 512; // looks on a way
@@ -172,7 +173,8 @@ const MOST = 512; // looks on a way
 // next, or it is flat; none where it is so all the way. As many looks as the fastest term needs, a multiple of `least`.
 function zerosBetween(equation, a, b, least) {
   const far = a.map((v, j) => Math.abs(b[j] - v)), f = (part) => evaluate(equation, a.map((v, j) => v + part * (b[j] - v))).value;
-  const fast = equation.rate.map((row, t) => row.reduce((sum, rate, j) => sum + far[j] * (5 * Math.abs(rate) + 20 * (equation.power?.[t][j] ?? 0)), 0));
+  const needed = (t, j) => far[j] * (5 * Math.abs(equation.rate[t][j]) + 20 * (equation.power?.[t][j] ?? 0));
+  const fast = equation.rate.map((row, t) => row.reduce((sum, _, j) => sum + needed(t, j), 0));
   const looks = Math.min(MOST, least * Math.ceil(Math.max(...fast) / least));
   if (!looks) return [];
   const values = Array.from({ length: looks + 1 }, (_, k) => f(k / looks));
@@ -240,10 +242,8 @@ const folded = (q, joints, span) => q.map((v, j) => turnedInto(span[j], v, joint
 export const unitsOf = ({ joints, task }) => joints.map((joint) => (joint.prismatic ? task.lengthScale : 1));
 
 // Distance of configurations x and q, whole turns aside, radians and length scales.
-export function farFrom(x, q, data) {
-  const units = unitsOf(data);
-  return Math.hypot(...x.map((v, j) => apart(q[j], v, data.joints[j].prismatic) / units[j]));
-}
+export const farFrom = (x, q, data) =>
+  norm(unitsOf(data).map((unit, j) => apart(q[j], x[j], data.joints[j].prismatic) / unit));
 
 // The first, and others unlike those already chosen.
 function spread(found, count, far) {

@@ -13,7 +13,8 @@ export function mechanismInto(data, point) {
   for (const moving of [first, ...inputs.filter((k) => k !== first)]) {
     const way = wayOut(data, point.q, moving);
     if (!way) continue;
-    const path = between(data, way.reverse());
+    const closed = eased(way.reverse(), FRAMES).map((row) => gaussNewton(data, row));
+    const path = closed.filter(({ error }) => error <= CLOSED).map(({ q }) => q);
     if (!path.length) continue;
     path[path.length - 1] = add(path[path.length - 1], wrap(data, subtract(point.q, path[path.length - 1])));
     return path;
@@ -58,11 +59,6 @@ function until(rows, measure) {
     if (measure[k] > measure[far] || far === 0) far = k;
   }
   return far;
-}
-
-// Configurations between rows, slow at the ends, closed again.
-function between(data, rows) {
-  return eased(rows, FRAMES).map((row) => gaussNewton(data, row)).filter(({ error }) => error <= CLOSED).map(({ q }) => q);
 }
 
 // Poses on the locus as one input moves away to one side, as far as it goes.

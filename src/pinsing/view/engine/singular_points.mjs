@@ -24,7 +24,8 @@ export function trace(data, start, moving) {
   const points = ahead.points.map(measured);
   if (!ahead.closed) return { closed: false, ways: [points, behind.points.map((p) => measured({ q: p.q, t: scaled(p.t, -1) }))] };
   const round = subtract(points.at(-1).q, q), back = points.map((p) => ({ ...p, q: subtract(p.q, round) })).reverse();
-  return { closed: true, ways: [[...points, { ...points[1], q: add(points[1].q, round) }], [...back, { ...back[1], q: subtract(back[1].q, round) }]] };
+  const next = { ...points[1], q: add(points[1].q, round) }, last = { ...back[1], q: subtract(back[1].q, round) };
+  return { closed: true, ways: [[...points, next], [...back, last]] };
 }
 
 function curveOf(data, moving) {
@@ -119,7 +120,8 @@ export function singularAlong(data, k, points) {
   for (const [kind, start, rangeEnd] of candidates(points, data.actuated[k])) {
     const { q, ...point } = refinePoint(data, start, kind, held);
     if (!point.converged || gapOf(data, q, start) > 6 * STEP) continue;
-    const same = found.findIndex((other) => gapOf(data, q, other.q) <= SAME), made = { ...point, q: add(start, wrap(data, subtract(q, start))), rangeEnd };
+    const made = { ...point, q: add(start, wrap(data, subtract(q, start))), rangeEnd };
+    const same = found.findIndex((other) => gapOf(data, q, other.q) <= SAME);
     if (same < 0) found.push(made);
     else if (rangeEnd && point.kind === found[same].kind) found[same] = made;
   }
