@@ -673,6 +673,17 @@ def test_a_planner_begins_anew_where_the_poses_are_moved(form):
     assert "out of reach" in beyond.reason
 
 
+def test_what_is_divided_is_left_as_it_was(form):
+    """A search of the parts forgot from which nodes all motions to a pose far away begin."""
+    whole = _Planner(form, form.loaded, circle(5, 0.2), np.linalg.inv(TORCH), "roll",
+                     np.radians(60), None, lambda *_: None)  # fmt: skip
+    whole._chosen()
+    sources = [*whole.pool]
+    whole.finer(whole.reached, whole.relaxed).path()
+    assert any(x is not None for x in sources)
+    assert whole.pool == sources
+
+
 SEAM = """x,y,z,i,j,k
 0.5,-0.2,0.2,0.2,0,0.98
 0.55,-0.1,0.2,0.1,0,0.995

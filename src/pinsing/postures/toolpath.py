@@ -967,6 +967,7 @@ class _Planner:
 
         out = copy.copy(self)
         out.floor, out.least, out.passing, out.far = least, least, None, np.zeros(N, dtype=bool)
+        out.pool = [None] * N
         way = self.way[pose, at]
         way[new] = self._longer(near[new] - q[new, None])
         of = {name: getattr(self, name)[pose, at] for name in _FOUND}
