@@ -382,3 +382,15 @@ def test_the_page_has_the_statement_of_a_long_equation() -> None:
     assert said[0]["condition"].startswith("R cos(q3")
     assert said[0]["solution"].startswith("q3 = ")
     assert [name for name, _ in said[0]["where"]] == ["R cos \u03c6", "R sin \u03c6"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"), [("ur10", "name of 'ur5' and of 'ur10'"), ("ur5 --task vx", "task pose")]
+)
+def test_an_analysis_is_of_this_arm_and_task(tmp_path: Path, words: str, said: str) -> None:
+    given, page = tmp_path / "form.json", tmp_path / "page.html"
+    given.write_text(closed_form(load("ur5")).to_json())
+    result = run("view", *words.split(), "--analysis", given, "--skeleton", "-o", page)
+    assert (result.exit_code, page.exists()) == (2, False)
+    assert f"{given}" in result.output
+    assert said in result.output

@@ -1,4 +1,4 @@
-"""``--loops``: what ``analyze``, ``plot`` and ``view`` do with a mechanism."""
+"""``--loops``: what ``analyze``, ``map``, ``families`` and ``view`` do with a mechanism."""
 
 from __future__ import annotations
 

@@ -550,15 +550,19 @@ def _find(arm: robot.Arm, at: Callable[[str], None]) -> _Listed:
 
 def _read(path: Path, arm: robot.Arm) -> _Listed:
     """Families and findings of a saved analysis, or of a saved closed form, of the same arm."""
+    from pinsing.proximity.clearance import forms_of
+
     saved = read_result(path, families.ClosedForm, sampling.Analysis)
+    form = saved.closed_form if isinstance(saved, sampling.Analysis) else saved
     ResultError.refuse_if(
-        saved.arm.joints != arm.joints,
-        f"{path} is of {saved.arm.name} with joints {', '.join(saved.arm.joints)}, "
-        f"not of this arm with {', '.join(arm.joints)}",
+        form.arm.task != arm.task.name,
+        f"{path} is for the task {form.arm.task}, not for {arm.task.name}: give --task",
     )
-    if isinstance(saved, families.ClosedForm):
-        return saved.families, (), saved
-    return *_parts(saved), saved.closed_form
+    try:
+        forms_of(arm, form)
+    except OptionError as other:
+        raise ResultError(f"{path}: {other}") from None
+    return (form.families, (), form) if form is saved else (*_parts(saved), form)
 
 
 def _parts(

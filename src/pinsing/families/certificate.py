@@ -8,7 +8,8 @@ that vanishes on all its components is factored, and every factor leads to anoth
 
 Why a family is singular: minors that are multiples of its forms, and others by these.
 
-The search is begun with every closed form, ends with a budget, and says what became of it.
+The search is begun with every closed form unless none is wanted, ends with a budget, and says
+what became of it.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ Planar chain: all axes that turn are parallel; the links in line say all.
 All minors: branch on the factors of all minors of the Jacobian. What ends is complete.
 Near minors: minors of neighbouring axes, which are short however long the chain is.
 Slices: singular points over small fields lead to what is missing, and count that nothing is.
-All minors again: with the time that is left, where slices contradict what is known.
+All minors again: with the time that is left, where slices do not close the search.
 
 Each step states when it applies, what it yields and what that relies on. The search takes the
 steps in this order until one of them closes it: all that is singular is known then, or nothing
@@ -209,7 +209,7 @@ MAX_JOINTS = 12
 _MANY = 9
 """Joints from which on all minors have a part of the time, and near ones and slices the rest."""
 _FEW = 6
-"""Joints from which on slices and planar chains have a step; with fewer all minors end."""
+"""Joints from which on slices and planar chains have a step; with fewer all minors hardly ever fail."""
 
 
 class ComponentSearch:
@@ -546,8 +546,8 @@ def _found(
         _, moved = drives(geometry)
     except NotFollowed as reason:
         gaps.append(
-            f"the algebra cannot follow a mimic joint of the chain: {reason}; `pinsing analyze`, "
-            "`sweep` and `map` follow it, and find singular configurations one by one"
+            f"the algebra cannot follow a mimic joint of the chain: {reason}; `pinsing analyze` "
+            "and `map` follow it, and find singular configurations one by one"
         )
     if not gaps and arm.n > 0 and rank > 0:
         # Share of the time that there is for finding components; describing them needs some too.

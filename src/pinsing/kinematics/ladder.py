@@ -14,7 +14,7 @@ that keeps the joints found before: on all of them, if the arm is regular. In ea
 is not zero unless the arm is singular for a reason that the step names.
 
 - *Spherical wrist* (the last three axes meet in a point; or the first three, the chain then read
-  from tip to base): the point is moved by three joints alone (`pinsing.kinematics.ladder`);
+  from tip to base): the point is moved by three joints alone (see below);
   then the rotation of the wrist is known, and with it the angle of its outer axes, which leaves
   two values of the middle one, of opposite signs of the derivative; the outer ones are then known
   unless their axes are parallel, where the arm is singular.
@@ -41,7 +41,7 @@ whose second axis is at right angles to the first, with a point C that is known 
   360 degrees, counted from where axes 4 and 6 are nearest to having one direction. FANUC counts
   joint 5 the other way: its pendant shows N at J5 = -90 degrees.
 
-Each changes only at a singular configuration, since signs of `pinsing.kinematics.ladder` do.
+Each changes only at a singular configuration, since the signs above do.
 
 Where an equation of one joint has one real root beside the known one: proven on a torus.
 

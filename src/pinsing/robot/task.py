@@ -23,7 +23,8 @@ class Task:
     Attributes
     ----------
     name : str
-        ``pose``, ``position``, ``orientation``, ``tool-axis``, or the row names joined by commas.
+        ``pose``, ``position``, ``orientation``, ``tool-axis``, ``tool-axis-x``, ``tool-axis-y``,
+        or the row names joined by commas.
     rows : tuple of int
         Indices into (vx, vy, vz, wx, wy, wz), ascending.
     at_tip : tuple of bool
