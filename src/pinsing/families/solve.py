@@ -209,7 +209,7 @@ MAX_JOINTS = 12
 _MANY = 9
 """Joints from which on all minors have a part of the time, and near ones and slices the rest."""
 _FEW = 6
-"""Joints from which on slices and planar chains have a step; with fewer all minors hardly ever fail."""
+"""Joints from which on slices and planar chains have a step; with fewer all minors end."""
 
 
 class ComponentSearch:
