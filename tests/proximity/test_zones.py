@@ -271,6 +271,12 @@ def test_a_form_without_its_robot_is_refused():
         pinsing.zones(form)
 
 
+def test_an_arm_that_cannot_point_its_tool_anywhere_is_told_so():
+    form = pinsing.closed_form(pinsing.load("scara", task="tool-axis"))
+    with pytest.raises(OptionError, match=r"3 of 5.* such as position"):
+        pinsing.zones(form, joint_speeds=[5, 5, 1, 10])
+
+
 def test_a_monitor_tells_in_which_zones_a_configuration_is():
     form = pinsing.closed_form(pinsing.load("scara"))
     found = pinsing.zones(form, joint_speeds=[5, 5, 1, 10])

@@ -254,6 +254,11 @@ class SpeedBounds:
             task.at_tip and (self.axis is None or len(task.translation) != 3),
             f"task {task}: give one with rows in base axes, or tool-axis",
         )
+        OptionError.refuse_if(
+            self.axis is not None and judge.rank < 5,
+            f"{arm.name}: the arm cannot move its tip in every direction of the task {task} "
+            f"({judge.rank} of 5): choose one that it can, such as position",
+        )
         # Rows in base axes; a turn about the tool's axis is a joint of its own, without a limit.
         rows = np.zeros((6, len(task.rows)))
         rows[list(task.rows), range(len(task.rows))] = 1.0
