@@ -28,11 +28,12 @@ from singular_sets import (
 )
 from tiers import tiered, tiered_rows
 
+from pinsing.algebra.components import Component
 from pinsing.description.catalog import data_folder
 from pinsing.families import ClosedForm, closed_form, prove
 from pinsing.families.family import latex_lines
 from pinsing.families.form import coverage_words, families_text
-from pinsing.families.solve import STEPS
+from pinsing.families.solve import STEPS, ComponentSearch, all_minors
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
 from pinsing.sampling.analyze import analyze
@@ -69,6 +70,26 @@ def test_steps_are_named_as_in_the_documentation() -> None:
     page = (Path(__file__).parents[2] / "docs/explain/complete.md").read_text(encoding="utf-8")
     rows = [line.split("|")[1].strip() for line in page.splitlines() if line.startswith("| ")]
     assert rows[1:] == list(STEPS)
+
+
+def test_each_family_names_the_step_that_found_it(monkeypatch) -> None:
+    def first(search: ComponentSearch) -> bool:
+        all_minors(search)
+        found[:] = search.components
+        search.components, search.closed = found[-1:], False
+        return True
+
+    def second(search: ComponentSearch) -> bool:
+        search.components = found
+        return True
+
+    found: list[Component] = []
+    monkeypatch.setattr("pinsing.families.solve.STEPS", {"first": first, "second": second})
+    form = closed_form(load("ur5"), prove=False)
+    assert form.steps == ("first", "second")
+    assert sorted(form.step_of.values()) == ["first", "second", "second"]
+    assert list(form.step_of) == [f.name for f in form.families]
+    assert ClosedForm.from_json(form.to_json()).step_of == form.step_of
 
 
 def test_a_long_statement_in_latex_has_lines_that_fit_a_page() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -133,6 +133,8 @@ class ClosedForm(JsonResult):
         length moved; None where they agree to 1e-9.
     steps : tuple of str
         Names of the steps of the search that were taken, such as "all minors", in their order.
+    step_of : mapping of str to str
+        The step that found each family, by the family's name.
     faithful : tuple of Family or None
         The families, if each was seen to be its exact components; not written to JSON.
     tube : Tube or None
@@ -177,6 +179,7 @@ class ClosedForm(JsonResult):
     slice_count: SliceCount | None = None
     deviation: Deviation | None = field(default=None, metadata={"optional": True})
     steps: tuple[str, ...] = field(default=(), metadata={"optional": True})
+    step_of: Mapping[str, str] = field(default_factory=dict, metadata={"optional": True})
     faithful: tuple[Family, ...] | None = field(default=None, repr=False, metadata={"json": False})
     tube: Tube | None = field(default=None, metadata={"optional": True})
 

@@ -231,6 +231,7 @@ class ComponentSearch:
         self.random = RandomSteps(0, (), ())
         self.count: SliceCount | None = None
         self.steps: list[str] = []
+        self.origins: list[tuple[Component, str]] = []  # all that was found, and by which step
         self.closed = False
         self.first: Budget | None = None
         """What all minors had."""
@@ -242,7 +243,12 @@ class ComponentSearch:
         for name, step in STEPS.items():
             if not self.closed and step(self):
                 self.steps.append(name)
+                self.origins += [(c, name) for c in self.components if self.step_of(c) is None]
         return self
+
+    def step_of(self, component: Component) -> str | None:
+        """The step that found a component."""
+        return next((name for known, name in self.origins if known is component), None)
 
     def rest(self, share: float) -> Budget:
         """A share of the time that is left, a tenth of the whole at least."""
@@ -537,6 +543,7 @@ def _found(
     symbols = joint_symbols(arm)
     rank = generic_rank(geometry.arm)  # lengths that were snapped away may lower it
     families: list[Family] = []
+    step_of: dict[str, str] = {}
     gaps: list[str] = []
     off: list[str] = []
     left_out: list[Component] = []
@@ -557,11 +564,13 @@ def _found(
         # Share of the time that there is for describing families, however long finding them took.
         maker.time = describing = whole.part(1.0, 0.1)
         grouped: dict[object, list[SolvedPiece]] = {}
+        steps: list[str | None] = []  # of each group
         for c in search.components:
             pieces = maker.pieces(c, search.components)
             left_out += [] if pieces else [c]
             for piece in pieces:
                 grouped.setdefault((piece.real, mirror_key(piece)), []).append(piece)
+            steps += [search.step_of(c)] * (len(grouped) - len(steps))
         for i, group in enumerate(grouped.values(), 1):
             # Most take little; one that takes long leaves as much to the others.
             # Share of what is left for describing families that one of them may take.
@@ -570,7 +579,9 @@ def _found(
                 families.append(describe(group, maker, arm))
             else:
                 families.append(stated(group, maker, arm))
-        families = [replace(f, name=f"F{i}") for i, f in enumerate(sorted(families, key=_order), 1)]
+        order = sorted(range(len(families)), key=lambda i: _order(families[i]))
+        families = [replace(families[k], name=f"F{i}") for i, k in enumerate(order, 1)]
+        step_of = {f.name: str(steps[k]) for f, k in zip(families, order, strict=True)}
         off = disagreements(families, left_out, maker.ring, geometry, symbols)
         gaps += off
     counted: SliceCount | None = None if search is None else search.count
@@ -607,6 +618,7 @@ def _found(
         seconds=time.monotonic() - started,
         random_steps=None if search is None else search.random,
         steps=() if search is None else tuple(search.steps),
+        step_of=step_of,
         slice_count=counted,
         deviation=Deviation.of((*geometry.snaps, *moved)),
     )
