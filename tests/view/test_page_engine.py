@@ -163,19 +163,28 @@ def test_a_path_is_read_as_it_stands_and_one_in_degrees_is_refused() -> None:
 
 
 @pytest.mark.slow
-def test_what_a_path_crosses_between_its_samples_is_what_the_check_says() -> None:
-    """Of families of one condition, by a joint's value or by the sign of an equation."""
-    for name in ("stanford", "ur5", "scara", "puma560"):
-        arm = load(name)
+def test_what_a_path_crosses_is_what_the_check_says() -> None:
+    """Families of one condition: by a joint's value, also at a sample, or by an equation's sign."""
+    call = "m.crossings(families, rows, joints)"
+    for name in ("stanford", "ur5", "scara", "puma560", "planar3r position"):
+        arm = arm_of(name)
         form, (data, _) = closed_form(arm), engine(arm)
         rows = np.random.default_rng(3).uniform(*arm.span, (8, arm.n))
-        call = "m.crossings(d.families, rows, d.joints, d.task.lengthScale)"
-        found = {f["name"]: f["at"] for f in ask(call, d=data, rows=rows)}
+        value = next(v for f in form.families for b in f.branches for v in b.values)
+        rows[4, value.joint] = value.value
+        found = {f["name"]: f["at"] for f in ask(call, **data, rows=rows)}
         told = check_trajectory(form, rows).crossings
-        assert len(told) > 0
+        assert len(told) > 0 or "position" in name  # whose one family has two conditions
         for family in form.families:
             there = [c.t for c in told if c.family == family.name]
             assert found.get(family.name, []) == pytest.approx(there, abs=1e-6)
+    # Zeros of a cosine: where a way begins, where it ends, and twice on a way.
+    of = {"name": "E", "branches": [{"values": [], "equations": [wave([[2]], [1], [0])]}]}
+    ways = {(0, 1): [], (-1, 0): [1], (-3.5, 0.5): [0.09, 0.875]}
+    for way, parts in ways.items():
+        rows = np.pi / 2 + np.array(way)[:, None]
+        found = [f["at"] for f in ask(call, families=[of], rows=rows, joints=[{}])]
+        assert found == [pytest.approx(parts, abs=1e-3)] * bool(parts)
 
 
 @pytest.mark.slow

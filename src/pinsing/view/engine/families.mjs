@@ -164,7 +164,7 @@ function crossed({ values: [fixed], equations }, a, b, joints) {
   if (!fixed) return zerosBetween(equations[0], a, b, 1).filter((part) => part > 0);
   const { joint, value } = fixed, [from, to] = [a[joint], b[joint]];
   const passed = turnsOf(value, Math.min(from, to), Math.max(from, to), joints[joint].prismatic);
-  return passed.filter((v) => v !== from && v !== to).map((v) => (v - from) / (to - from));
+  return passed.filter((v) => v !== from).map((v) => (v - from) / (to - from));
 }
 
 const MOST = 512; // looks on a way
