@@ -68,10 +68,13 @@ def test_names_are_text_in_notebooks():
     )
     analysis = pinsing.analyze(flat, levels=1, samples=5, random_starts=5)
     form = analysis.closed_form
-    loaded = pinsing.ClosedForm.from_json(form.to_json().replace("q_{2}", "<img src=y>\\\\evil{"))
+    loaded, typeset = (
+        pinsing.ClosedForm.from_json(form.to_json().replace("q_{2}", latex))
+        for latex in ("<img src=y>\\\\evil{", "\\\\text{<img src=y>}")
+    )
     assert "evil" in loaded._repr_latex_()
     states = (pinsing.at(arm, q) for q in ([0, 0, 0], [0.1, 0.4, 0.9]))
-    forms = (pinsing.closed_form(arm, seconds=3), form, form.families[0], analysis, loaded)
+    forms = (pinsing.closed_form(arm, seconds=3), form, form.families[0], analysis, loaded, typeset)
     allowed = ["div", "p", "code", "span", "strong", "table", "thead", "tbody", "tr", "th", "td"]
     allowed += ["math", "mi", "mn", "mo", "msub", "msup", "mtext", "mrow", "mspace"]
     for result in (*forms, *states):

@@ -344,7 +344,11 @@ def test_half_angles_are_explained_where_they_are_printed():
     text = " ".join(families_text(equal_links).split())
     assert "cos((3 q3)/2)" in text
     assert "half of q3 in F2: equations are factors of a longer one" in text
-    assert "half of" not in families_text(closed("ur5"))
+    text = families_text(closed("ur5"))
+    assert "half of" not in text
+    # Names of joints stand before the families, and nowhere where symbols are their names.
+    assert text.index("joints: q1 = shoulder_pan_joint") < text.index("  F1  ")
+    assert "joints:" not in families_text(closed("stanford"))
     equation = equal_links.families[1].branches[0].equations[0]
     q = np.array([0.3, 0.7, -1.1, 0.9, 1.3, 0.2])
     here, there = equation(q), equation(q + 2 * np.pi * np.eye(6)[2])

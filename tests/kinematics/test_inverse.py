@@ -220,6 +220,9 @@ def test_a_sign_that_lacks_is_known():
     T = tip_placement(arm, q)
     solver = Solver(arm, T.translation, T.rotation)
     known = pinsing.inverse(arm, T.homogeneous)
+    # A start that stalled beside one of them is no doubt, elsewhere it is.
+    solver._stalled = np.array([[*known.q[0], 1e-3]])
+    assert (solver.doubt(known.q), bool(solver.doubt(known.q[1:]))) == ("", True)
     found = FoundSolutions(solver)
     found.add(known.q, np.zeros(len(known)))
     assert found.lacking == 0

@@ -55,6 +55,11 @@ def test_a_map_is_that_of_its_seed_and_more_actuators_hold_at_least_as_well():
     assert "\u00a0" not in str(one)
     assert more.closed == one.closed > 10
     assert (more.input_ratio >= one.input_ratio - 1e-12).all()
+    # Poses are drawn where the limits let the platform go.
+    poses = loops.mechanism_map(shipped("planar_3rpr"), "poses", 100)
+    within, two = poses.closed - poses.beyond, poses.near["type 2"]
+    assert min(within - 50, two) > 0
+    assert f"type 2 {two} ({100 * two / within:.3g} %)" in " ".join(str(poses).split())
 
 
 @pytest.mark.parametrize("name", sampled(CLOSING))

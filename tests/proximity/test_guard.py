@@ -325,6 +325,8 @@ def test_what_a_guard_promises(monkeypatch: pytest.MonkeyPatch) -> None:
     assert made.word == "probable"
     assert made.complete
     assert any("no certificate was looked for" in note for note in made.notes)
+    pointing = pinsing.closed_form(arm.with_task("tool-axis"), prove=False)
+    assert "task tool-axis." in pinsing.export_guard(arm, forms=pointing)
     monkeypatch.setattr(guard_module, "MOST_TERMS", 2)
     made = make_guard(arm, "c", forms=proven)
     assert not made.complete

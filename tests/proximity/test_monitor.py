@@ -252,7 +252,7 @@ def test_bad_configurations(q: object, dq: object, said: str, compiled: bool) ->
         ({"warn": np.inf}, OptionError), ({"hysteresis": -0.1}, OptionError),
         ({"horizon": 0.0}, OptionError), ({"weights": [1, 2]}, OptionError),
         ({"weights": [1, 1, 1, 1, 0, 1]}, OptionError), ({"families": ["F8"]}, UnknownNameError),
-        ({"warn": np.nan}, PinsingError),
+        ({"warn": np.nan}, PinsingError), ({"warn": 20, "stop": 5}, OptionError),  # degrees
     ],
 )  # fmt: skip
 def test_bad_options(options: dict[str, object], error: type[Exception]) -> None:

@@ -220,6 +220,9 @@ def test_the_command(tmp_path: Path) -> None:
     np.savez(file, q=np.degrees(Q), t=t)
     assert run("check", "ur5", file, "--deg", "--fail-within", "3deg").exit_code == 0
     assert "leaves joint limits" in " ".join(run("check", "ur5", file, "--rad").stdout.split())
+    done = run("check", "ur5", file)
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert "sample 1: shoulder_lift_joint = " in done.stderr
 
 
 def test_a_crossing_and_the_ends_of_the_stretch_about_it():
@@ -235,6 +238,11 @@ def test_a_crossing_and_the_ends_of_the_stretch_about_it():
     text = summary(check)
     assert len(text.splitlines()) <= 6
     assert text.startswith("ur5: crosses the wrist singularity (wrist_2_joint = 0°) at ")
+    assert "Closest approach elsewhere: elbow (F1), 57.3°" in text
+    # Of several stretches the nearest is named.
+    near = [[0, -1.2, 1.3, -1, wrist, 0] for wrist in (0.07, 1, 0.03)]
+    text = summary(check_trajectory(arm_of("ur5"), near))
+    assert "keep away from wrist (F2), from sample 1.94" in text
 
 
 @pytest.mark.parametrize("step", tiered([0.1, 0.5, 1.5], {0.5}))

@@ -168,6 +168,11 @@ def test_each_distance_is_within_a_twentieth_of_one_that_is_too_near(name, withi
         assert distance <= 1.0501 * found.exceeding[family]
 
 
+def test_the_command_says_what_to_keep_and_where():
+    done = run("zones", "scara", "--joint-speeds", "5,5,1,10", "--within", "q3=0..0.1")
+    assert "with d3 between 0 m and 0.1 m, keep 20.3° from" in done.stdout
+
+
 def test_a_slide_is_bounded_where_zones_are_asked_for(monkeypatch):
     """Also beyond its limits, of 0.5 m: how far the tip is from the axes before it."""
     form = pinsing.closed_form(pinsing.load("stanford"))

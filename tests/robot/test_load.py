@@ -426,6 +426,8 @@ TOOL = {"kind": "frame", "name": "tool1", "close": ("tool0",)}
         (lambda: load(RobotWrapper), TypeError, None, {}),
         (lambda: pinsing.at(PUMA, [0, 0, np.nan, 0, 0, 0]), ConfigurationError, "nan",
          {"joint": PUMA.joints[2], "value": np.nan}),
+        (lambda: pinsing.at(PUMA, [0, 90, 0, 0, 0, 0]), ConfigurationError, "For degrees",
+         {**LIMITS, "value": 90.0}),
         (lambda: plan_sweep(PUMA, nominal=BEYOND), ConfigurationError, None, LIMITS),
         (lambda: plan_map(PUMA, q=BEYOND, joints=["q1"]), ConfigurationError, None, LIMITS),
         (lambda: plan_sweep(PUMA, special=SPECIAL), ConfigurationError, None, LIMITS),

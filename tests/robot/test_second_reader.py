@@ -57,7 +57,9 @@ def test_what_differs_is_said(other: dict[str, Any], said: str) -> None:
     found = second_reading(replace(planar(), source=source))
     assert said in str(found)
     assert "DIFFERS" in str(found)
-    assert second_reading(planar()).differences == ()
+    found = second_reading(planar())
+    assert found.differences == ()
+    assert "agrees: joints, limits, and 2 links at 20 random configurations" in str(found)
 
 
 def test_a_file_that_it_cannot_read_is_a_note(capfd: pytest.CaptureFixture[str]) -> None:
@@ -72,6 +74,7 @@ def test_a_file_that_it_cannot_read_is_a_note(capfd: pytest.CaptureFixture[str])
 def test_what_is_no_urdf_has_no_second_reading(tmp_path) -> None:
     data = json.loads(run("list", "stanford", "-o", "-").stdout)
     assert (data["second_reading"]["seed"], data["second_reading"]["differences"]) == (20, [])
+    assert "second reader" in run("list", "stanford").stdout
     table = tmp_path / "arm.yaml"
     table.write_text(dh_text([(0, 1, 0)] * 2))
     assert second_reading(pinsing.load(table)) is None
