@@ -337,6 +337,7 @@ def test_continuous_joints_are_a_cosine_and_a_sine():
     assert np.allclose(arm.q_of(full), q)
     assert np.allclose(pinsing.at(arm, full).sigma, pinsing.at(arm, q).sigma)
     assert np.allclose(arm.q_of(pin.neutral(model)), 0)
+    assert np.allclose(arm.space.wrap(q + 2 * np.pi * np.array([1, -2, 100])), q)
     full[3:] = 0
     with pytest.raises(ConfigurationError, match="'j3' must be its cosine and sine") as caught:
         pinsing.at(arm, full)
