@@ -118,6 +118,29 @@ def test_slices_lead_to_what_is_missing(kept, given):
     assert len(found.components) == len(kept.components)
 
 
+def test_what_contradicts_and_is_not_followed_for_want_of_time_is_no_answer(
+    kept, given, monkeypatch
+):
+    out = next(c for c in kept.components if len(c.values) > 1)
+    known = [c for c in kept.components if c is not out]
+    turn, turns, time = slices.Slices.turn, [], Budget(60)
+
+    def told(self, prime, budget):
+        points = turn(self, prime, budget)
+        turns.append(prime)
+        if len(turns) < 9:
+            return points.at(points.on(known).any(axis=0))
+        time.spend(1e12 * bool(len(points.left(known))))
+        return points
+
+    monkeypatch.setattr(slices.Slices, "turn", told)
+    found = slices.SliceSearch(*given, known, 2, time)
+    monkeypatch.setattr(found, "_done", lambda: False)
+    found.run()
+    assert (found.count.off, found.count.met) == (0, len(known))
+    assert not found.enough
+
+
 def test_with_little_known_and_no_time_nothing_is_said(given):
     found = slices.SliceSearch(*given, [], 2, Budget(1e-6))
     found.run()

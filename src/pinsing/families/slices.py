@@ -702,6 +702,7 @@ class SliceSearch:
         self.kept: dict[int, list[SlicePoints]] = defaultdict(list)
         self._turns: Counter[int] = Counter()
         self._open: set[int] = set()
+        self._unfollowed = False  # time ended before all that contradicts was followed
         self._tried: list[Component] = []
         self._special: list[Component] = []
         self._matrix: Matrix | None = None
@@ -748,7 +749,8 @@ class SliceSearch:
         self.count = count = self.slices.count(counted, self.components)
         # Share of the components that must have been met: of those not known, as many may have
         # been.
-        self.enough = self._enough() and not count.off and count.met >= 0.8 * count.known
+        met = count.met >= 0.8 * count.known
+        self.enough = self._enough() and not count.off and met and not self._unfollowed
 
     def _done(self) -> bool:
         """Return True if slices were gone through often enough."""
@@ -766,8 +768,9 @@ class SliceSearch:
     def _follow(self, off: SlicePoints | RandomSingular, most: int | None = None) -> bool:
         """Search where points on no family lead to, ``most`` in vain; whether some are left."""
         in_vain = 0
-        while len(off) and not self.time.stop():
-            at = self._most_shared(off)
+        while len(off):
+            self._unfollowed = self._unfollowed or self.time.stop()
+            at = None if self._unfollowed else self._most_shared(off)
             if at is None or in_vain == most:
                 return True
             self._tried.append(at)
@@ -776,7 +779,7 @@ class SliceSearch:
             in_vain += 1
             if self.components != before:
                 off, in_vain = off.left(self.components), 0
-        return len(off) > 0
+        return False
 
     def _most_shared(self, off: SlicePoints | RandomSingular) -> Component | None:
         """The value of a joint that most of some points share, of those not tried."""
