@@ -311,7 +311,7 @@ class App {
     const frames = times.map((t) => this.compute(Engine.rowAt(rows, t))), away = (f) => f.verdict?.value ?? Infinity;
     const worst = frames.reduce((a, b) => (away(b) < away(a) ? b : a)), beyond = [...new Set(frames.flatMap((f) => f.outside))];
     const bad = met.length > 0 || frames.some((f) => f.status === "singular"), verdict = met.length
-      ? `crosses ${found.map((f) => f.name).join(", ")}, first at sample ${Number(met[0].t.toFixed(2))}`
+      ? `meets ${found.map((f) => f.name).join(", ")}, first at sample ${Number(met[0].t.toFixed(2))}`
       : bad ? "is singular at a sample" : "meets no singular configuration that this page looks for";
     this.trajectory({
       verdict: `${name}: ${verdict}`,

@@ -148,8 +148,8 @@ function turnsOf(value, low, high, prismatic) {
   return Array.from({ length: Math.max(0, last - first + 1) }, (_, k) => value + (first + k) * FULL);
 }
 
-// Families [{ name, at: [...] }] crossed on the straight ways from each of the `rows` (n each) to the next, and
-// where: samples from 0 on, with parts of one. A family of one condition is crossed where that changes its
+// Families [{ name, at: [...] }] met on the straight ways from each of the `rows` (n each) to the next, and
+// where: samples from 0 on, with parts of one. A family of one condition is met where that is zero or changes its
 // sign; those of more conditions are met by chance only.
 export function crossings(families, rows, joints) {
   return families.filter((family) => family.reachable !== false).flatMap(({ name, branches }) => {
