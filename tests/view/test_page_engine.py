@@ -425,3 +425,10 @@ def test_a_curve_through_points_of_the_grid_passes_through_them() -> None:
     lines, met = run(given, equation)
     assert np.ptp(np.cos(lines), axis=-1).max() < 1e-4
     assert met[0]["at"] == [0.5]
+
+
+def test_two_crossings_a_tenth_of_a_radian_apart_are_both_met() -> None:
+    near = {"amplitude": [1, -np.cos(0.05)], "phase": [0, 0], "rate": [[1], [0]], "power": None}
+    near |= {"noise": 0, "reach": 1, "curvature": 1, "size": 2}
+    code = "m.crossings([{ branches: [{ values: [], equations: [e] }] }], [[-0.07], [0.07]], [])"
+    assert ask(code, e=near)[0]["at"] == pytest.approx([1 / 7, 6 / 7])

@@ -597,6 +597,20 @@ def test_every_action_works(page: Any, addresses: Any, of: str, actions: Any, ho
 
 
 @pytest.mark.slow
+def test_a_linkage_that_comes_to_rest_twice_is_told_its_own_ranges(
+    page: Any, addresses: Any
+) -> None:
+    """As where a path is played and paused at one frame: answers to one went to the other."""
+    open_page(page, addresses("file", "mechanism"))
+    rests = """async (gap) => {
+      const app = window.pinsing, after = new Promise((done) => setTimeout(done, gap));
+      await Promise.all([app.rest(app.view.frame), after.then(() => app.rest(app.view.frame))]);
+      return [...document.querySelectorAll(".joint")].map((row) => row.title); }"""
+    told = [page.evaluate(rests, gap) for gap in (1000, 20, 150)]
+    assert told[0] == told[1] == told[2]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["arm", "mechanism"])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_has_no_serious_finding(page, addresses, kind, scheme):

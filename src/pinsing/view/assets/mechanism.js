@@ -32,9 +32,9 @@ class MechanismApp extends App {
   async rest(frame) {
     const { engine, aside } = this, { q } = frame, found = [];
     const looked = async (...asked) => { const answer = await aside.ask(...asked); return this.stale(frame) ? undefined : answer; };
-    aside.stop();
     await wait(SETTLED);
     if (this.stale(frame)) return;
+    aside.stop(); // a pose that came to rest twice is looked at once
     for (const [k, index] of engine.actuated.entries()) {
       const reach = await looked("stretch", q, k);
       if (reach === undefined) return;

@@ -52,7 +52,7 @@ class Aside {
     this.worker = this.job = null;
   }
 
-  // What Engine[name](data, ...given) returns, one question at a time; null where `stop` came first.
+  // What Engine[name](data, ...given) returns, one question at a time; undefined where `stop` came first.
   async ask(name, ...given) {
     const here = () => wait().then(() => Engine[name](this.data, ...given));
     if (this.able && !this.worker) this.begin();
@@ -90,6 +90,6 @@ class Aside {
     if (!this.job) return;
     this.worker?.terminate();
     this.worker = null;
-    this.answer(null);
+    this.answer();
   }
 }

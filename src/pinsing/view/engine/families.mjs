@@ -173,7 +173,7 @@ const MOST = 512; // looks on a way
 // next, or it is flat; none where it is so all the way. As many looks as the fastest term needs, a multiple of `least`.
 function zerosBetween(equation, a, b, least) {
   const far = a.map((v, j) => Math.abs(b[j] - v)), f = (part) => evaluate(equation, a.map((v, j) => v + part * (b[j] - v))).value;
-  const needed = (t, j) => far[j] * (5 * Math.abs(equation.rate[t][j]) + 20 * (equation.power?.[t][j] ?? 0));
+  const needed = (t, j) => far[j] * (10 * Math.abs(equation.rate[t][j]) + 20 * (equation.power?.[t][j] ?? 0));
   const fast = equation.rate.map((row, t) => row.reduce((sum, _, j) => sum + needed(t, j), 0));
   const looks = Math.min(MOST, least * Math.ceil(Math.max(...fast) / least));
   if (!looks) return [];
