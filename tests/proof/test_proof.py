@@ -3,6 +3,7 @@
 import itertools
 import json
 import re
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from singular_sets import iiwa_with_offset
 from tiers import tiered
 
 from pinsing import load
+from pinsing.algebra.budget import possible
 from pinsing.families import closed_form, prove
 from pinsing.families.certificate import combination, text_of
 from pinsing.families.proof_forms import form_text
@@ -195,3 +197,16 @@ def test_certificates_are_written_and_verified(tmp_path):
         assert (run.exit_code, run.stderr.count("\n")) == (2, 1 if words else 2), run
     run = pinsing_command("families", "ur5", "--no-prove", "-o", unproven)
     assert (run.exit_code, unproven.exists()) == (2, False)
+
+
+@pytest.mark.skipif(not possible(), reason="processes cannot be forked here")
+def test_a_check_that_is_long_ends_with_its_time(monkeypatch):
+    def long(text, most=None):
+        if most is not None:
+            raise checker.Rejected("it would take too long")
+        time.sleep(600)
+
+    monkeypatch.setattr("pinsing.families.certificate.verify", long)
+    found = prove(closed_form(load("planar3r"), prove=False), 1.0).proof
+    assert not found.accepted
+    assert "ran out in one step of the algebra" in found.reason

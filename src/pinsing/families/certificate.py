@@ -799,7 +799,7 @@ def _proof(form: ClosedForm, budget: Budget, progress: Callable[[str], None]) ->
             data = certificate(form, share, progress, in_parts)
             found = time.monotonic()
             text = text_of(data)
-            verify(text)
+            _checked(text, budget)
         except NotFound as problem:
             reason, stopped = str(problem), stopped or share.over
         except Rejected as problem:
@@ -822,6 +822,16 @@ def _proof(form: ClosedForm, budget: Budget, progress: Callable[[str], None]) ->
     if stopped:
         reason = f"none was found in the {budget.allowed} allowed"
     return _none(form, reason, stopped, time.monotonic() - started)
+
+
+def _checked(text: str, budget: Budget) -> None:
+    """Have it checked; if that is long, in a child: a resultant of few terms may take hours."""
+    try:
+        verify(text, 1_000_000)  # products of terms: a tenth of a second as a rule
+    except Rejected:
+        if budget.meter.when_long is not None:
+            budget.meter.when_long()
+        verify(text)
 
 
 def _none(form: ClosedForm, reason: str, stopped: bool, seconds: float) -> Proof:

@@ -516,7 +516,7 @@ def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return dict(pairs)
 
 
-def verify(text: str) -> dict[str, Any]:
+def verify(text: str, most_work: int = MOST_WORK) -> dict[str, Any]:
     """Check a certificate and return it; `Rejected` says what is wrong with it."""
     short = isinstance(text, str | bytes) and len(text) <= LONGEST_FILE
     need(short, f"no text of at most {LONGEST_FILE} characters")
@@ -526,7 +526,9 @@ def verify(text: str) -> dict[str, Any]:
         need(data.get("schema") == SCHEMA, f"the schema is not {SCHEMA}; make the certificate anew")
         wrong = [key for key in {**SHAPE, **data} if not fits(data.get(key), SHAPE.get(key))]
         need(not wrong, f"not the types of the format: {', '.join(wrong)[:80]}")
-        Certificate(data).check()
+        certificate = Certificate(data)
+        certificate.ring.work += MOST_WORK - most_work
+        certificate.check()
         return dict(data)
     except MALFORMED as error:
         raise Rejected(f"malformed ({type(error).__name__}: {str(error)[:80]})") from None
