@@ -517,7 +517,7 @@ def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def verify(text: str, most_work: int = MOST_WORK) -> dict[str, Any]:
-    """Check a certificate and return it; `Rejected` says what is wrong with it."""
+    """Check a certificate within so much work, and return it; `Rejected` says what is wrong."""
     short = isinstance(text, str | bytes) and len(text) <= LONGEST_FILE
     need(short, f"no text of at most {LONGEST_FILE} characters")
     try:
