@@ -297,6 +297,11 @@ def test_mimic_joints_have_no_axis_of_their_own():
     arm = coupled(load(model, tip="tip", task="position"), follows, np.zeros(3))
     (found,) = at(arm, [0.3, 0.0]).dependences
     assert found.reason == "joints 1 and 2 can move together with the tip at rest"
+    # A follower that turns twice as far is at its limit at half of the leader's speed.
+    arm.model.velocityLimit[:] = 3, 4, 1
+    slower = coupled(arm, follows * [[1], [1], [-2]], np.zeros(3))
+    assert SpeedJudge(slower).limits.tolist() == [3, 0.5]
+    assert SpeedJudge(slower).reason == ""
 
 
 @pytest.mark.parametrize("compiled", [True, False])

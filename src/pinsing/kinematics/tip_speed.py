@@ -77,12 +77,14 @@ class TipSpeeds:
 def limits_of(arm: Arm) -> Array:
     """Return speed limits (n,), radians or metres per second; infinite where not known."""
     # Descriptions write none as zero or a very large number, a DH table's URDF as the pair that
-    # stands in; with mimic joints limits belong to several joints: none are taken.
+    # stands in. A joint is as fast as those that follow it let it be.
     limits = np.array(arm.model.velocityLimit, dtype=float)
     limits[(limits == DEFAULT_VELOCITY) & (arm.model.effortLimit == DEFAULT_EFFORT)] = np.inf
-    if arm.coupling is not None or limits.shape != (arm.n,):
-        return np.full(arm.n, np.inf)
-    return np.where((limits > 0) & (limits < 1e6), limits, np.inf)
+    limits[(limits <= 0) | (limits >= 1e6)] = np.inf
+    if arm.coupling is None:
+        return limits
+    with np.errstate(divide="ignore"):
+        return np.asarray((limits[:, None] / np.abs(arm.coupling.matrix)).min(axis=0))
 
 
 def check_speeds(tip_speed: float, turn_speed: float) -> None:
