@@ -10,14 +10,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (35_062, 30_000),
-    "Python in src: lines": (67_655, 56_000),
+    "Python in src: statements": (35_064, 30_000),
+    "Python in src: lines": (67_657, 56_000),
     "C++, JavaScript, templates, styles: lines": (11_032, 9_500),
     "modules": (137, 220),
     "packages directly under pinsing": (15, 16),
     "numbers in module constants": (492, 500),
     "names exported by pinsing": (32, 32),
-    "lines of tests": (29_192, 28_000),
+    "lines of tests": (29_197, 28_000),
     "lines of text files of tests": (10_100, 10_100),
     "words of Markdown, changelog excluded": (39_999, 40_000),
     "CHANGELOG.md: lines": (150, 150),
