@@ -311,19 +311,19 @@ def cuspidal(tmp_path_factory):
 def test_ways_of_the_page_are_those_found(cuspidal):
     _, arm, form, found = cuspidal
     with pinsing.Viewer(arm, form.families, postures=found, skeleton=True) as viewer:
-        listed = viewer._page(False)["postures"]
+        listed = [e for e in viewer._page(False)["entries"] if e["list"] == "postures"]
         assert viewer._start() == {"q": found.q.tolist(), "entry": None, "pose": 0}
     assert len(listed) == 4
-    assert np.array_equal(listed[0]["q"], found.q)
+    assert np.array_equal(listed[0]["q"], [found.q])
     ways = [p for p in listed if p["way"]]
     assert ways
     for shown in ways:
         way = np.array(shown["way"])
         assert np.array_equal(way[0], found.q)
-        assert np.abs(arm.space.wrap(way[-1] - np.array(shown["q"]))).max() < 1e-9
-        assert "without a singularity" in shown["more"]
+        assert np.abs(arm.space.wrap(way[-1] - np.array(shown["q"][0]))).max() < 1e-9
+        assert "without a singularity" in shown["more"][0]
         assert np.min(pinsing.clearance(form, way).lower) > 0
-    assert sum("only by way of a singularity, proven" in p["more"] for p in listed) == 2
+    assert sum("only by way of a singularity, proven" in p["more"][0] for p in listed) == 2
 
 
 @pytest.mark.slow
@@ -331,7 +331,7 @@ def test_a_click_plays_the_way_to_a_posture(page: Any, cuspidal: Any) -> None:
     _, arm, form, found = cuspidal
     page.emulate_media(reduced_motion="reduce")  # its end at once
     with pinsing.Viewer(arm, form.families, postures=found, skeleton=True) as viewer:
-        listed = viewer._page(False)["postures"]
+        listed = [e for e in viewer._page(False)["entries"] if e["list"] == "postures"]
         open_page(page, viewer.url)
         assert page.locator("#postures > li").count() == 4
         assert text(page, "#postures-count") == "(4)"
@@ -339,7 +339,7 @@ def test_a_click_plays_the_way_to_a_posture(page: Any, cuspidal: Any) -> None:
             page.locator("#postures > li button").nth(k).click()
             assert page.locator("#postures > li.chosen").count() == 1
             q = q_of(page)
-            assert np.abs(arm.space.wrap(q - np.array(listed[k]["q"]))).max() < 1e-9
+            assert np.abs(arm.space.wrap(q - np.array(listed[k]["q"][0]))).max() < 1e-9
             assert f"posture {k + 1}" in text(page, "#playing")
             last = int(page.locator("#scrub").get_attribute("max") or 0)
             assert (last > 50) == (listed[k]["way"] is not None)

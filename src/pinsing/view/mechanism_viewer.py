@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any
@@ -188,6 +187,11 @@ class Group:
     more: tuple[str, ...]  # the equation, and what else there is to say
     points: tuple[SingularPoint, ...]  # poses to step through, those near home first
 
+    @property
+    def poses(self) -> tuple[Array, ...]:
+        """Their configurations."""
+        return tuple(p.q for p in self.points)
+
 
 def groups(mechanism: Mechanism, analysis: MechanismAnalysis) -> tuple[Group, ...]:
     """Singular points of an analysis by locus: by equation if there is one, else by kind."""
@@ -323,7 +327,7 @@ class MechanismViewer(Tab):
             analysis = analyze_mechanism(mechanism)
             if analysis.missing:  # Ctrl-C
                 raise KeyboardInterrupt
-        self.groups = groups(mechanism, analysis)
+        self.entries = self.groups = groups(mechanism, analysis)
         # Links end where they close loops, and at the output.
         pairs = zip(*closing(mechanism), strict=True)
         ends = list(dict.fromkeys([*chain(*pairs), mechanism.output_id]))
@@ -378,9 +382,6 @@ class MechanismViewer(Tab):
         """Play a motion in every open tab: ``into`` the singular pose, or ``along`` its locus."""
         self._play(group, kind, pose)
 
-    def _poses(self) -> list[tuple[str, Sequence[Array]]]:
-        return [(g.name, [p.q for p in g.points]) for g in self.groups]
-
     def _page(self, live: bool) -> dict[str, Any]:
         m = self.mechanism
         turns = any(row >= 3 for row in m.task.rows)
@@ -401,12 +402,13 @@ class MechanismViewer(Tab):
             "settings": {**settings, **none, "planar": self._normal is not None},
             "entries": [
                 {
+                    "list": "entries",
                     "name": group.name,
                     "text": group.text,
                     "more": list(group.more),
                     "reason": "",
                     "poses": len(group.points),
-                    "q": [p.q.tolist() for p in group.points],
+                    "q": [q.tolist() for q in group.poses],
                     "points": [
                         {
                             "kind": p.kind,

@@ -53,7 +53,6 @@ SCRIPTS = (
     "source.js",
     "player.js",
     "drag.js",
-    "postures.js",
     "take.js",
     "main.js",
     "mechanism_panel.js",

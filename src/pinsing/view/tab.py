@@ -37,8 +37,11 @@ class Tab(ABC):
 
     Its server starts when the address is first asked for, on loopback and the first free port from
     7000 on unless ``host`` and ``port`` say otherwise. Without meshes if ``skeleton``; bones lead
-    to ``ends`` (frames) too.
+    to ``ends`` (frames) too. ``entries`` of the list have a ``name`` and ``poses``, those of an arm
+    a ``family``.
     """
+
+    entries: Sequence[Any]
 
     def __init__(
         self,
@@ -82,10 +85,6 @@ class Tab(ABC):
             hand_over(self, Server(self.name, self._host, self._port))
         assert self._server is not None
         return self._server.url
-
-    @abstractmethod
-    def _poses(self) -> list[tuple[str, Sequence[Array]]]:
-        """Name and configurations of each entry of the list."""
 
     @abstractmethod
     def _page(self, live: bool) -> dict[str, Any]:
@@ -157,30 +156,31 @@ class Tab(ABC):
         """
         write_text(path, self.html())
 
-    def _place(self, wanted: str | int, pose: int) -> int:
-        """Return the index of an entry, by name or index; errors if it or its pose is unknown."""
-        listed = self._poses()
-        names = [name for name, _ in listed]
+    def _place(self, wanted: Any, pose: int) -> int:
+        """Return the index of an entry: itself, or by a name, a title or a family."""
+        # UnknownNameError if there is none, OptionError if it has no such pose.
+        named = {e.name: k for k, e in enumerate(self.entries)}
+        families = ((k, getattr(e, "family", None)) for k, e in enumerate(self.entries))
+        titled = {f.title: k for k, f in reversed([*families]) if f is not None and f.title}
+        wanted = getattr(wanted, "name", wanted)
+        index = wanted if isinstance(wanted, int) else (named | titled).get(wanted, -1)
         UnknownNameError.refuse_if(
-            not (0 <= wanted < len(names) if isinstance(wanted, int) else wanted in names),
-            "family",
-            str(wanted),
-            names,
+            not 0 <= index < len(self.entries), "family", str(wanted), list(named)
         )
-        index = wanted if isinstance(wanted, int) else names.index(wanted)
-        name, poses = listed[index]
+        poses = self.entries[index].poses
         OptionError.refuse_if(
             not 0 <= pose < len(poses),
-            f"{name} has {len(poses)} poses within the limits; there is no pose {pose}",
+            f"{self.entries[index].name} has {len(poses)} poses within the limits; "
+            f"there is no pose {pose}",
         )
-        return index
+        return int(index)
 
-    def _go(self, wanted: str | int, pose: int) -> None:
+    def _go(self, wanted: Any, pose: int) -> None:
         """Show a pose of the list in every open page."""
         index = self._place(wanted, pose)
-        self._move(self._poses()[index][1][pose].copy(), (index, pose))
+        self._move(self.entries[index].poses[pose].copy(), (index, pose))
 
-    def _play(self, wanted: str | int, kind: str, pose: int) -> None:
+    def _play(self, wanted: Any, kind: str, pose: int) -> None:
         """Play a motion in every open page."""
         index = self._place(wanted, pose)
         OptionError.refuse_if(

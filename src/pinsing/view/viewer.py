@@ -36,6 +36,7 @@ from pinsing.kinematics.jacobian import (
 from pinsing.kinematics.lost_motion import arm_centres, moving_columns
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge
 from pinsing.measures import Array, ArrayLike, Reachability, pure_ellipsoids
+from pinsing.proximity.clearance import Suggestion
 from pinsing.proximity.zones import Zones, zone_distances
 from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.mechanism import Mechanism
@@ -47,7 +48,6 @@ from pinsing.view.tab import Tab
 
 if TYPE_CHECKING:
     from pinsing.postures.changes import PostureChanges
-    from pinsing.proximity.clearance import Suggestion
 
 _LONGEST = 72
 
@@ -192,18 +192,26 @@ FRAMES = 160
 
 
 def listed_postures(arm: Arm, found: PostureChanges) -> tuple[dict[str, Any], ...]:
-    """Return postures in the order of `posture_changes`, the current one first, ready for JSON.
+    """Return postures in the order of `posture_changes`, the current one first, as pages list them.
 
-    Each has ``q`` (n,), radians and metres, a ``name`` (words of the field, or its number), what
-    ``more`` there is to say (its aspect, and if it can be reached without a singularity), and the
-    ``way`` (K, n) to it from the first posture that is on no family, or None.
+    Each has its number as ``name``, words of the field as ``text``, what ``more`` there is to say
+    (its aspect, and if it can be reached without a singularity), and the ``way`` (K, n) to it from
+    the first posture that is on no family, or None.
     """
+    # Few pages have any, and a browser would wait for an import as long as that of the families.
+    from pinsing.postures.changes import PostureChanges
+
+    if not isinstance(found, PostureChanges):
+        hint = "pinsing.posture_changes(arm, q) gives one"
+        raise ArgumentError("postures", "a PostureChanges", shown(found), hint)
     OptionError.refuse_if(
         len(found.q) != arm.n, f"the postures are of {len(found.q)} joints; {arm.name} has {arm.n}"
     )
     here = "singular" if found.aspect is None else f"aspect {found.aspect}"
-    out = [_posture(found.q, found.names, 1, f"{here}: where it starts", None)]
-    for number, other in enumerate(found.others, 2):
+    listed: list[tuple[Array, Sequence[str], str, Array | None]] = [
+        (found.q, found.names, f"{here}: where it starts", None)
+    ]
+    for other in found.others:
         s, way = other.solution, other.connection
         path = None
         if not s.regular:
@@ -218,19 +226,22 @@ def listed_postures(arm: Arm, found: PostureChanges) -> tuple[dict[str, Any], ..
             said = f"aspect {other.aspect}: only by way of a singularity, proven"
         else:
             said = "undecided"
-        out.append(_posture(s.q, other.names, number, said, path))
-    return tuple(out)
-
-
-def _posture(
-    q: Array, names: Sequence[str], number: int, more: str, way: Array | None
-) -> dict[str, Any]:
-    return {
-        "q": q.tolist(),
-        "name": ", ".join(names) or f"posture {number}",
-        "more": more,
-        "way": None if way is None else way.tolist(),
-    }
+        listed.append((s.q, other.names, said, path))
+    return tuple(
+        {
+            "list": "postures",
+            "name": str(number),
+            "text": words if way is None else f"{words} ▶",
+            "more": [more],
+            "said": f"posture {number}: {words}; {more}",
+            "reason": "Show it" if way is None else "Play the way to it",
+            "poses": 1,
+            "q": [q.tolist()],
+            "way": None if way is None else way.tolist(),
+        }
+        for number, (q, names, more, way) in enumerate(listed, 1)
+        for words in [", ".join(names) or f"posture {number}"]
+    )
 
 
 def fine(path: Array, arm: Arm) -> Array:
@@ -462,7 +473,7 @@ def _entry(entry: Entry, n: int) -> dict[str, Any]:
     return {
         "name": entry.name,
         "text": entry.text,
-        "given": entry.name.startswith("P"),
+        "list": "given" if entry.name.startswith("P") else "entries",
         "more": [words for there, words in told if there],
         "reason": entry.reason,
         "solved": _solved(entry),
@@ -575,9 +586,11 @@ class Viewer(Tab):
             *family_entries(arm, () if families is None else families),
             *finding_entries(arm, () if findings is None else findings),
         )
-        if clearest is not None:
-            _check_clearest(arm, clearest)
-        self._postures = () if postures is None else _listed(arm, postures)
+        OptionError.refuse_if(
+            clearest is not None and clearest.arm.joints != arm.joints,
+            "clearest is of another arm",
+        )
+        self._postures = () if postures is None else listed_postures(arm, postures)
         super().__init__(arm, sizes(arm, scale), skeleton, [arm.tip_id], host, port)
         if path is not None:
             from pinsing.proximity.trajectory import check_trajectory
@@ -654,7 +667,7 @@ class Viewer(Tab):
         >>> pinsing.at(viewer.arm, viewer.q).status
         'singular'
         """
-        self._go(self._wanted(family), pose)
+        self._go(family, pose)
 
     @checked
     def play(self, family: Family | str | int, kind: str = "into", pose: int = 0) -> None:
@@ -684,10 +697,7 @@ class Viewer(Tab):
         Traceback (most recent call last):
         pinsing.errors.UnknownNameError: unknown family 'F2': did you mean 'F1'?
         """
-        self._play(self._wanted(family), kind, pose)
-
-    def _poses(self) -> list[tuple[str, Sequence[Array]]]:
-        return [(e.name, e.poses) for e in self.entries]
+        self._play(family, kind, pose)
 
     def _dropped(self, name: str, content: bytes, degrees: bool | None) -> dict[str, Any]:
         """What a page shows of a file that was dropped onto it."""
@@ -700,7 +710,6 @@ class Viewer(Tab):
         return {
             "live": live,
             "way": self._way,
-            "postures": list(self._postures),
             "robot": {
                 "name": arm.name,
                 "base": arm.base,
@@ -709,7 +718,7 @@ class Viewer(Tab):
                 "lengthScale": arm.length_scale,
             },
             "settings": self._settings(self._mode),
-            "entries": [_entry(e, arm.n) for e in self.entries],
+            "entries": [*(_entry(e, arm.n) for e in self.entries), *self._postures],
             "engine": engine_data(arm, self.entries, self._sizes),
             "notes": [
                 *arm.notes,
@@ -736,37 +745,10 @@ class Viewer(Tab):
                 return "pure"
         return "all"
 
-    def _wanted(self, family: Family | str | int) -> str | int:
-        """Name or place of an entry, also where a family is called by its title."""
-        if not isinstance(family, (int, str)):
-            return family.name
-        alike = [e.name for e in self.entries if e.family and e.family.title == family]
-        return alike[0] if family and alike else family
-
     def _move(self, q: Array, chosen: tuple[int, int] | None, words: str = "") -> None:
         super()._move(q, chosen, words)
         if self._overlay is not None:
             self._overlay.show(q, self._mode)
-
-
-def _check_clearest(arm: Arm, clearest: Suggestion) -> None:
-    from pinsing.proximity.clearance import Suggestion
-
-    if not isinstance(clearest, Suggestion):
-        raise ArgumentError(
-            "clearest", "a Suggestion", shown(clearest), "pinsing.suggest(arm) gives one"
-        )
-    OptionError.refuse_if(clearest.arm.joints != arm.joints, "clearest is of another arm")
-
-
-def _listed(arm: Arm, postures: PostureChanges) -> tuple[dict[str, Any], ...]:
-    # Few pages have any, and a browser would wait for an import as long as that of the families.
-    from pinsing.postures.changes import PostureChanges
-
-    if not isinstance(postures, PostureChanges):
-        hint = "pinsing.posture_changes(arm, q) gives one"
-        raise ArgumentError("postures", "a PostureChanges", shown(postures), hint)
-    return listed_postures(arm, postures)
 
 
 def _bands(of: Zones | Tube, arm: Arm, names: Sequence[str]) -> dict[str, Any] | None:

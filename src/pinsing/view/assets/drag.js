@@ -19,7 +19,6 @@ class Drag {
     this.grip.setPointerCapture(event.pointerId);
     ++app.turn;
     app.select(null, 0);
-    app.postures.mark(-1);
     app.view.touched = true; // the picture stays as it is while it is held
     this.q = frame.q;
     this.hold = app.hold(frame.q);

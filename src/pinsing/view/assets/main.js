@@ -7,6 +7,7 @@ const SHOWN = { translation: "translation", rotation: "rotation", lost: "what is
                 axes: "all joint axes", visual: "shapes", bone: "skeleton", floor: "floor" };
 
 const wait = (milliseconds) => new Promise((resolve) => setTimeout(resolve, milliseconds));
+const clearanceOf = ({ verdict }) => verdict?.lower ?? Infinity;
 const degrees = (angle) => ((angle * 180) / Math.PI).toFixed(1);
 
 class App {
@@ -18,13 +19,12 @@ class App {
       const onchange = (event) => view.set(option, event.target.checked);
       return make("label", "", make("input", { type: "checkbox", id: `show-${option}`, checked: view.options[option], onchange }), ` ${words}`);
     }));
-    this.places = entries.flatMap((entry, i) => entry.q.map((_, k) => [i, k]));
+    this.places = entries.flatMap(({ list, q }, i) => (list === "postures" ? [] : q.map((_, k) => [i, k])));
     this.aside = new Aside(engine); // what is looked at around a pose
     this.search = new Aside(engine); // what was asked for, which a look does not end
     this.panel = page.mechanism ? new MechanismPanel(this) : new Panel(this);
     this.player = new Player((frame) => this.frame(frame), () => this.settle());
     this.take = new Take(this);
-    this.postures = new Postures(this, page.postures ?? []);
     this.drag = new Drag(this);
     this.controls();
     stream?.follow(this);
@@ -109,7 +109,6 @@ class App {
     this.view.show(frame);
     $("refused").hidden = true;
     this.panel.show(frame, dragged);
-    if (dragged >= 0) this.postures.mark(-1);  // moved by hand: at none of them
     this.settle();
   }
 
@@ -207,7 +206,7 @@ class App {
 
   // To the nearest singular pose, and back.
   nearest() {
-    const { q, status } = this.view.frame, back = this.before, { entries } = this.page;
+    const { q, status } = this.view.frame, back = this.before, entries = this.page.entries.filter(({ list }) => list === "entries");
     if (back && back.there.every((v, j) => v === q[j])) { this.before = null; this.go(back.here); return; }
     const found = this.nearestTo(q);
     if (!found || found.on && status === "singular") {
@@ -283,7 +282,7 @@ class App {
   // clearance, ready to be played.
   trajectory(way, frames = way.rows.map((q) => this.compute(q))) {
     this.way = { ...way, frames };
-    this.showWay(frames, (f) => (f.verdict ? f.verdict.lower : Infinity), way);
+    this.showWay(frames, way);
     $("path-box").hidden = false;
     $("path-box").className = way.tone;
     $("path-verdict").textContent = way.verdict;
@@ -324,8 +323,9 @@ class App {
     }, frames);
   }
 
-  showWay(frames, clearance, { times, timed, spans } = {}) {
-    this.select(null, 0);
+  // A path of the tip, coloured by clearance, at its begin; that of an entry or none.
+  showWay(frames, { clearance = clearanceOf, entry = null, times, timed, spans }) {
+    this.select(entry, 0);
     this.view.trail(frames.map((f) => ({ at: f.tip, clearance: clearance(f) })));
     this.player.load(frames, "file", times, timed, spans);
     this.at(-Infinity);
@@ -340,12 +340,21 @@ class App {
     this.panel.choose(entry, pose, scroll);
     this.panel.playing(null);
     const found = entry === null ? null : this.page.entries[entry];
-    this.say(found === null ? "" : found.poses > 1 ? `${found.name}, pose ${pose + 1} of ${found.poses}` : found.name);
+    this.say(found === null ? "" : found.poses > 1 ? `${found.name}, pose ${pose + 1} of ${found.poses}` : found.said ?? found.name);
   }
 
+  // Of a posture the way to it is played where there is one.
   async choose(entry, pose) {
-    this.go(this.page.entries[entry].q[pose], undefined, entry, pose);
-    await this.lookForMeetings(entry, pose);
+    const { list, q, way } = this.page.entries[entry];
+    if (list === "postures") this.view.trail([]);
+    if (!way) {
+      this.go(q[pose], undefined, entry, pose);
+      await this.lookForMeetings(entry, pose);
+      return;
+    }
+    ++this.turn;
+    this.showWay(way.map((row) => this.compute(row)), { entry });
+    this.player.resume();
   }
 
   // Once for each entry: other families that it meets, with poses on both.

@@ -138,7 +138,7 @@ class MechanismApp extends App {
     const { path, row, said } = found, end = said && `; sample ${places[row] + 1}: ${said}`;
     if (!path.length) { this.say(`${name}${end}`); return; }
     const frames = path.map((q) => this.compute(q)), measure = (f) => Math.min(f.one, f.two, f.constraint);
-    this.showWay(frames, measure);
+    this.showWay(frames, { clearance: measure });
     this.say(`${name}: ${rows.length} samples, smallest measure ${number(Math.min(...frames.map(measure)))}${end}`);
   }
 

@@ -77,9 +77,10 @@ class Panel {
     $("numbers").replaceChildren(...this.numbers().map(([id, label, title]) =>
       make("div", "", make("dt", { title }, label), make("dd", { id }))));
     $("scale").textContent = this.scale();
-    const own = this.ownScale(), singular = entries.filter((entry) => !entry.given).length;
+    const own = this.ownScale(), [singular, postures] = ["entries", "postures"].map((list) => entries.filter((entry) => entry.list === list).length);
     if (own) $("numbers").after(make("p", "note own-scale", own));
     $("count").textContent = singular ? `(${singular})` : "";
+    $("postures-count").textContent = `(${postures})`;
     // An empty list says itself that there are no others.
     $("coverage").textContent = singular ? coverage ?? "" : (coverage ?? "").replace("Proven: there are no others.", "Proven.");
     $("coverage").hidden = !coverage;
@@ -130,7 +131,7 @@ class Panel {
 
   // A line of the list, with what can be done with it.
   entry(entry, index) {
-    const { name, poses, titles, given, solved } = entry, { app } = this, row = make("div", "actions");
+    const { list, name, poses, titles, solved } = entry, { app } = this, row = make("div", "actions");
     const text = make("span", "text", make("b", "", name), formula(make("span"), entry.text));
     const button = press("entry", entry.reason, () => app.choose(index, 0), text, formula(make("span", "more"), entry.more.join(" \u00b7 ")));
     button.disabled = !poses;
@@ -141,8 +142,8 @@ class Panel {
       if (entry[kind]) row.append(press(`path ${kind}`, title, () => app.playOrPause(kind), words));
     }
     const item = make("li", poses ? "" : "away", button, row, ...(solved?.length ? [statement(solved)] : []));
-    $(given ? "given" : "entries").append(item);
-    $("given-box").hidden &&= !given;
+    $(list).append(item);
+    $(`${list}-box`).hidden = false;
     return item;
   }
 
@@ -181,7 +182,7 @@ class Panel {
       $("joints").append(found.row);
       return found;
     });
-    $("joints-note").textContent = this.page.entries.length ? "Ticks: where this joint alone meets a family." : "";
+    $("joints-note").textContent = this.app.engine.families.length ? "Ticks: where this joint alone meets a family." : "";
     if (this.page.zones) $("joints-note").append(` Red: ${this.page.zones.why}.`);
   }
 
