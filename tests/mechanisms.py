@@ -15,13 +15,11 @@ from urdf_text import J, frame, loop_text, written
 from pinsing.loops import (
     MechanismAnalysis,
     PoseEquation,
-    PoseForms,
     analyze_mechanism,
     mechanism_at,
     refine,
 )
 from pinsing.loops.closure import at_zero, plane_normal, random_closed, residual
-from pinsing.loops.pose_loci import variables_at
 from pinsing.robot.mechanism import Mechanism, load_mechanism
 from pinsing.view.mechanism_viewer import linkage_sizes, mechanism_data
 
@@ -62,14 +60,6 @@ def placed(mechanism: Mechanism, q: np.ndarray) -> pin.Data:
 def value(equation: PoseEquation, at: Mapping[str, float]) -> float:
     """Its left side where variables have these values."""
     return float(equation(np.array([at[n] for n in equation.names])))
-
-
-def left_sides(
-    mechanism: Mechanism, forms: PoseForms, q: np.ndarray, kind: str = ""
-) -> list[float]:
-    """Left sides of the loci over the pose of a kind, by default of all, at q."""
-    at = variables_at(mechanism, q)
-    return [value(x.equation, at) for x in forms.loci if x.kind.startswith(kind)]
 
 
 def closed_and_refined(

@@ -119,8 +119,11 @@ def six(folder, legs, seed):
     return on_legs(folder, chains, platform, inputs, "vx, vy, vz, wx, wy, wz", "w")
 
 
-def three(folder, legs, seed):
-    """A random 3-PRS, 3-RRS, or 3-RPS driven in its feet (q0, q1, q2); the hinges lie level."""
+def three(folder, legs, seed, driven="q"):
+    """A random 3-PRS, 3-RRS, or 3-RPS driven in its feet (q0, q1, q2); the hinges lie level.
+
+    A 3-RPS can be driven in its slides (p).
+    """
     rng = np.random.default_rng(seed)
     turns = np.array([0.0, 2.0, 4.2]) + rng.uniform(-0.2, 0.2, 3)
     out = np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1)
@@ -128,7 +131,7 @@ def three(folder, legs, seed):
     platform = (0.5 * out + rng.uniform(-0.05, 0.05, (3, 3))).round(2)
     rods = rng.uniform(0.8, 0.9, 3).round(2)
     if legs == "rps":
-        return rps(folder, out.round(2), hinges, platform, driven="q")
+        return rps(folder, out.round(2), hinges.round(2), platform, driven=driven)
     axes, arms, how = unit(0.3 * out + np.array([0, 0, 1])), 0 * out, ("prismatic", (-1.5, 1.5))
     if legs == "rrs":
         axes, arms, how = hinges, 0.3 * unit(out + np.array([0, 0, 0.5])), ("continuous", None)
@@ -142,14 +145,6 @@ def three(folder, legs, seed):
             frame(f"e{k}", f"rod{k}", np.array([0, 0, rods[k]]) + back),
         ])  # fmt: skip
     return on_legs(folder, chains, platform, ["q0", "q1", "q2"], "vz, wx, wy", "w")
-
-
-def hinged(rng):
-    """Corners of the base, axes there and corners of the platform of a 3-RPS at random."""
-    turns = np.array([0.0, 2.0, 4.2]) + rng.uniform(-0.2, 0.2, 3)
-    hinges = np.stack([-np.sin(turns), np.cos(turns), 0 * turns], axis=1).round(2)
-    base = np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1).round(2)
-    return base, hinges, 0.5 * base + np.round(rng.uniform(-0.1, 0.1, (3, 3)), 2)
 
 
 def rps(folder, base, hinges, platform, rows="vz, wx, wy", driven="p"):
@@ -167,7 +162,7 @@ def rps(folder, base, hinges, platform, rows="vz, wx, wy", driven="p"):
 
 def random_3rps(folder, seed):
     # Without limits: a leg may reach with a negative length.
-    return rps(folder, *hinged(np.random.default_rng(seed))).without_limits()
+    return three(folder, "rps", seed, "p").without_limits()
 
 
 def eye(folder, base, middle, outer):

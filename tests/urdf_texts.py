@@ -34,11 +34,13 @@ def make_package(tmp_path: Path) -> Path:
     (folder / "package.xml").write_text("<package><name>arm_description</name></package>")
     stl = b"solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n"
     (folder / "meshes" / "a.stl").write_bytes(stl + b"endloop\nendfacet\nendsolid x\n")
-    (tmp_path / "secret.stl").write_text("secret")
-    (folder / "secret.txt").write_text("secret")
+    (tmp_path / "secret.stl").write_bytes(stl + b"endloop\n" + SECRET)
+    for name in ("secret.png", "secret.txt", "ws/arm_description/secret.txt"):
+        (tmp_path / name).write_bytes(SECRET)
     return folder
 
 
+SECRET = b"the secret that no page may hold, 2f9c61"
 UPRIGHT = '<origin xyz="0.3 0 0.2" rpy="1.5707963267948966 0 0"/><axis xyz="0 0 1"/>' + LIMIT
 
 

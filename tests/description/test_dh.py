@@ -16,7 +16,7 @@ from golden import Golden
 from tiers import sampled, tiered
 
 import pinsing
-from pinsing.description.dh_table import DHRow, dh_to_urdf, read_dh, urdf_folder
+from pinsing.description.dh_table import dh_to_urdf, read_dh, urdf_folder
 from pinsing.description.yaml_tree import parse_number
 from pinsing.errors import RobotFileError
 
@@ -156,10 +156,7 @@ def test_good_table(tmp_path):
     path.write_text(GOOD)
     table = read_dh(path)
     assert [row.name for row in table.rows] == ["q1", "d2", "spin"]
-    assert table.rows[0] == DHRow(math.pi / 2, 0.0, 0.1, 0.0, "revolute", "q1", -1.0, 1.0)
-    assert (table.rows[2].lower, table.rows[2].velocity, table.tool) == (None, 2.0, None)
-    model = pin.buildModelFromXML(dh_to_urdf(table))
-    assert model.velocityLimit[2] == 2.0
+    assert pin.buildModelFromXML(dh_to_urdf(table)).velocityLimit[2] == 2.0
     # With a tool frame n stays as the flange.
     path.write_text(GOOD + "tool: {xyz: [0, 0, 0.25]}\n")
     model = pin.buildModelFromXML(dh_to_urdf(read_dh(path)))

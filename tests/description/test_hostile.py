@@ -14,16 +14,12 @@ import pinocchio as pin
 import pytest
 from arms import serial
 from command_line import python, run
-from urdf_texts import XACRO, drawn, joint, make_package, named as all_named, robot
+from urdf_texts import SECRET, XACRO, drawn, joint, make_package, named as all_named, robot
 
 from pinsing import Viewer, analyze, closed_form, load
 from pinsing.description.urdf import read_description
 from pinsing.errors import PinsingError, RobotFileError
 
-SECRET = b"the secret that no page may hold, 2f9c61"
-STL = (
-    b"solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\n"
-)
 DAE = (
     '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset/>'
     '<library_images><image id="i"><init_from>{}</init_from></image></library_images></COLLADA>'
@@ -70,9 +66,6 @@ def holds_secret(page: bytes) -> bool:
 @pytest.fixture
 def package(tmp_path) -> Path:
     folder = make_package(tmp_path)
-    (tmp_path / "secret.stl").write_bytes(STL + SECRET)
-    (tmp_path / "secret.png").write_bytes(SECRET)
-    (tmp_path / "secret.txt").write_bytes(SECRET)
     (folder / "meshes" / "link.stl").symlink_to(tmp_path / "secret.stl")
     return folder
 

@@ -255,12 +255,6 @@ def model_of(name: str) -> pin.Model:
     return pin.buildModelFromUrdf(str(find_robot(name).path))
 
 
-def panda_q(rng, model) -> np.ndarray:
-    """Within the limits of fingers and all."""
-    low, high = model.lowerPositionLimit, model.upperPositionLimit
-    return rng.uniform(np.maximum(low, -3), np.minimum(high, 3))
-
-
 def test_a_wrapper_what_has_a_model_a_path_a_text_and_a_name_are_one_arm():
     path = find_robot("ur5").path
     wrapper = RobotWrapper(model_of("ur5"))
@@ -312,31 +306,28 @@ def test_text_reads_no_meshes_of_the_working_folder(tmp_path, monkeypatch):
 
 
 def test_a_configuration_of_the_whole_model_is_one_of_the_arm(rng):
-    """Panda has two fingers beside its seven joints."""
+    """Panda has two fingers beside its seven joints, and some arms begin behind its first."""
     model = model_of("panda")
-    arm = load(model)
-    assert (arm.n, model.nq) == (7, 9)
-    full = panda_q(rng, model)
-    q = arm.q_of(full)
-    assert np.array_equal(q, full[:7])
+    arm, part = load(model), load(model, base="panda_link1", tip="panda_link8")
+    assert (arm.n, part.n, model.nq) == (7, 6, 9)
+    full = rng.uniform(-0.05, 0, 9) + model.upperPositionLimit
+    q = full[:7]
+    assert np.array_equal(arm.q_of(full), q)
     assert np.array_equal(arm.full_q(q, others=full), full)
-    assert np.array_equal(arm.q_of(arm.full_q(q)), q)
     theirs = pinocchio_jacobian(arm, q)
     assert np.allclose(pinsing.frame_jacobian(arm, full), theirs, atol=1e-12)
+    exact = pinsing.robot.nominal(part).arm
+    assert np.array_equal([part.q_of(full), exact.q_of(full)], [q[1:], q[1:]])
+    assert pinsing.singular_values(exact, full[None]).shape == (1, 6)
 
 
 def test_continuous_joints_are_a_cosine_and_a_sine():
+    """Chains of `test_chains` are looked at there."""
     kinds = (pin.JointModelRUBZ(), pin.JointModelRY(), pin.JointModelRUBY())
-    *places, tip = (place((0, 0, z)) for z in (0, 0.4, 0.3, 0.2))
-    model = serial(zip(kinds, places, strict=True), tip)
-    arm = load(model, task="position")
-    assert (arm.n, model.nq) == (3, 5)
+    arm = load(serial((kind, STEP) for kind in kinds), task="position")
     q = np.array([3.0, 0.5, -2.0])
     full = arm.full_q(q)
-    assert np.allclose(full, [np.cos(3), np.sin(3), 0.5, np.cos(-2), np.sin(-2)])
-    assert np.allclose(arm.q_of(full), q)
     assert np.allclose(pinsing.at(arm, full).sigma, pinsing.at(arm, q).sigma)
-    assert np.allclose(arm.q_of(pin.neutral(model)), 0)
     assert np.allclose(arm.space.wrap(q + 2 * np.pi * np.array([1, -2, 100])), q)
     full[3:] = 0
     with pytest.raises(ConfigurationError, match="'j3' must be its cosine and sine") as caught:
@@ -344,7 +335,7 @@ def test_continuous_joints_are_a_cosine_and_a_sine():
     assert caught.value.joint == "j3"
 
 
-def test_parts_of_the_whole_model(rng):
+def test_a_joint_that_is_locked_stands_where_it_was_locked():
     model = model_of("ur5")
     arm = load(model, joints=[n for n in list(model.names)[1:] if "elbow" not in n])
     full = arm.full_q(np.full(5, 0.3))
@@ -353,20 +344,6 @@ def test_parts_of_the_whole_model(rng):
     with pytest.raises(ConfigurationError, match="is locked in this arm") as caught:
         pinsing.singular_values(arm, full[None])
     assert (caught.value.joint, caught.value.value) == ("elbow_joint", pytest.approx(0.5))
-    for name in ("ur5", "stanford", "puma560"):
-        arm = load(model_of(name))
-        assert arm.n == arm.source.full_model.nq
-        q = rng.uniform(-1, 1, arm.n)
-        assert np.array_equal(arm.q_of(q), q)
-        assert np.array_equal(arm.full_q(q), q)
-    model = model_of("panda")
-    arm = load(model, base="panda_link1", tip="panda_link8")
-    assert (arm.n, model.nq) == (6, 9)
-    full = panda_q(rng, model)
-    assert np.array_equal(arm.q_of(full), full[1:7])  # where joint 1 stands does not matter
-    exact = pinsing.robot.nominal(arm).arm
-    assert np.array_equal(exact.q_of(full), full[1:7])
-    assert pinsing.singular_values(exact, full[None]).shape == (1, 6)
 
 
 def test_mimic_joints_follow_in_the_whole_model_too():
@@ -374,10 +351,7 @@ def test_mimic_joints_follow_in_the_whole_model_too():
         chain_text([("revolute", X, Z, ZERO, more) for more in ("", follows(1, -2, 0.25), "")]),
         task="vx,vy",
     )
-    assert (arm.n, arm.source.full_model.nq) == (2, 3)
-    full = arm.full_q([0.1, 0.7])
-    assert np.allclose(full, [0.1, -0.2 + 0.25, 0.7])
-    assert np.allclose(arm.q_of(full), [0.1, 0.7])
+    assert np.allclose(arm.full_q([0.1, 0.7]), [0.1, -0.2 + 0.25, 0.7])
     with pytest.raises(ConfigurationError, match="j2' follows 'j1' in the description") as caught:
         arm.q_of([0.1, 0.1, 0.7])
     assert caught.value.joint == "j2"

@@ -47,11 +47,10 @@ def line_of(old: str) -> int:
     return GOOD[: GOOD.index(old)].count("\n") + 1
 
 
-NUMBERS = {
-    'pos="0 0 0.2"': 3, 'pos="0.1 0 0.3"': 3, 'euler="0 0 90"': 3, 'quat="1 0 0 0"': 4,
-    'range="-170 170"': 2, 'ref="30"': 1, 'axis="0 0 2"': 3, 'zaxis="1 0 0"': 3,
-    'axis="0 1 0"': 3, 'range="-120 120"': 2,
-}  # fmt: skip
+NUMBERS = [
+    'pos="0 0 0.2"', 'pos="0.1 0 0.3"', 'euler="0 0 90"', 'quat="1 0 0 0"', 'range="-170 170"',
+    'ref="30"', 'axis="0 0 2"', 'zaxis="1 0 0"', 'axis="0 1 0"', 'range="-120 120"',
+]  # fmt: skip
 BAD = {
     "few": lambda w: w[:-1], "many": lambda w: [*w, "0"], "letters": lambda w: ["a", *w[1:]],
     "nan": lambda w: ["nan", *w[1:]], "infinite": lambda w: [*w[:-1], "inf"],
@@ -84,15 +83,10 @@ def test_an_included_file_is_read_and_its_lines_are_named(tmp_path):
     assert f"{part}:3: joint 'j3': <joint axis='0 0 nan'>" in refused(tmp_path, text)
 
 
-def test_includes_lead_nowhere_else_and_end(tmp_path):
+def test_includes_lead_nowhere_else(tmp_path):
     (tmp_path / "secret.xml").write_text("<mujocoinclude/>")
     inner = tmp_path / "model"
     inner.mkdir()
     (inner / "link.xml").symlink_to(tmp_path / "secret.xml")
     text = changed("<geom", '<include file="link.xml"/><geom')
     assert "outside the folder of the model" in refused(inner, text)
-    for name, other in (("a", "b"), ("b", "a")):
-        text = f'<mujocoinclude><include file="{other}.xml"/></mujocoinclude>'
-        (tmp_path / f"{name}.xml").write_text(text)
-    said = refused(tmp_path, changed("<geom", '<include file="a.xml"/><geom'))
-    assert "b.xml:1: <include file='a.xml'>: that file is included already" in said

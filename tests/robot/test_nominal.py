@@ -14,7 +14,7 @@ from golden import Golden
 from hypothesis import given, strategies as st
 from pinocchio.utils import rotate
 from tiers import sampled, tiered_rows
-from urdf_text import J, Y, urdf
+from urdf_text import J, Y, Z, chain_text, follows, urdf
 
 from pinsing.kinematics.jacobian import frame_jacobian, frame_jacobians, generic_rank, tip_placement
 from pinsing.measures import Chain
@@ -209,17 +209,10 @@ def test_real_arms(robot, tip, rng):
 
 
 def test_mimic_joints_count_with_their_multiplier(rng):
-    rows = [
-        ("revolute", (-1, 1), ""), ("continuous", None, ""),
-        ("revolute", (-5, 5), '<mimic joint="j1" multiplier="-3" offset="0.1"/>'),
-        ("continuous", None, '<mimic joint="j2" multiplier="2"/>'), ("revolute", (-1, 1), ""),
-    ]  # fmt: skip
-    at = {"at": (0.4, 0, 0), "rpy": (1.5708, 0, 0)}
-    joints = [
-        J(f"j{i}", f"l{i - 1}", f"l{i}", **at, kind=kind, limits=limits, more=more)
-        for i, (kind, limits, more) in enumerate(rows, 1)
-    ]
-    arm = load(urdf(joints))
+    kinds = "revolute", "continuous", "revolute", "continuous", "revolute"
+    more = "", "", follows(1, -3, 0.1), follows(2, 2), ""
+    rows = [(k, (0.4, 0, 0), Z, (1.5708, 0, 0), m) for k, m in zip(kinds, more, strict=True)]
+    arm = load(chain_text(rows))
     assert arm.n == 3
     exact = nominal(arm)
     seen = check(arm, exact, draw(arm, rng, 200))
