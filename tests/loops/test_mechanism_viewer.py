@@ -130,25 +130,21 @@ def open_at_home(page: Any, viewer: MechanismViewer) -> None:
     settled(page)
 
 
+def slider(page: Any, row: int) -> Any:
+    """Of a joint; the last are those of the output's pose."""
+    return page.evaluate_handle("(k) => window.pinsing.panel.rows.at(k).slider", row)
+
+
 def slide(page: Any, row: int, value: float) -> None:
-    """Move a slider as a hand does; the last rows are those of the output's pose."""
-    page.evaluate(
-        """([k, v]) => { const { slider } = window.pinsing.panel.rows.at(k); slider.value = v;
-             slider.dispatchEvent(new Event("input")); }""",
-        [row, value],
-    )
+    """Move a slider as a hand does that does not let go."""
+    move = "(slider, v) => { slider.value = v; slider.dispatchEvent(new Event('input')); }"
+    slider(page, row).evaluate(move, value)
     page.wait_for_function("() => window.pinsing.wanted === null")
-
-
-def let_go(page: Any, row: int) -> None:
-    page.evaluate(
-        "(k) => window.pinsing.panel.rows.at(k).slider.dispatchEvent(new Event('change'))", row
-    )
 
 
 def drag(page: Any, joint: int, degrees: float) -> None:
     slide(page, joint, np.radians(degrees))
-    let_go(page, joint)
+    slider(page, joint).dispatch_event("change")
 
 
 def reached(page: Any, q: np.ndarray) -> None:
@@ -160,9 +156,8 @@ def reached(page: Any, q: np.ndarray) -> None:
     )
 
 
-def slider(page: Any, joint: int) -> float:
-    script = "(k) => Number(window.pinsing.panel.rows[k].slider.value)"
-    return float(np.degrees(page.evaluate(script, joint)))
+def degrees_of(page: Any, joint: int) -> float:
+    return float(np.degrees(float(slider(page, joint).input_value())))
 
 
 @pytest.mark.parametrize("name", tiered(NAMES, NAMES[:1]))
@@ -210,10 +205,9 @@ def test_the_output_is_led_by_sliders_of_its_pose(page: Any, five_bar: Mechanism
     assert said.startswith("infeasible: y = ")
     assert "type 1 singularity: the leg of q" in said
     assert np.abs(residual(mechanism, q_of(page))).max() < 1e-10
-    let_go(page, -1)
+    slider(page, -1).dispatch_event("change")
     reached_y = page.evaluate("() => window.pinsing.view.frame.pose[1]")
-    value = page.evaluate("() => Number(window.pinsing.panel.rows.at(-1).slider.value)")
-    assert value == pytest.approx(reached_y, abs=1e-6)
+    assert float(slider(page, -1).input_value()) == pytest.approx(reached_y, abs=1e-6)
     # The pose goes with what is copied.
     copied = page.evaluate("() => JSON.parse(window.pinsing.take.text('json'))")
     assert copied["pose"] == pytest.approx({"x": x - 0.2, "y": reached_y}, abs=1e-8)
@@ -228,7 +222,7 @@ def test_what_takes_long_is_computed_beside_the_page(page: Any, five_bar: Mechan
         """() => { const { aside } = window.pinsing;
              aside.stop(); aside.able = false; aside.worker = null; }"""
     )
-    drag(page, 0, slider(page, 0) - 10)
+    drag(page, 0, degrees_of(page, 0) - 10)
     settled(page)
     assert "is nearest" in text(page, "#nearest")
     assert page.locator(".pose-row .band .reach").count() == 2
@@ -263,7 +257,7 @@ def test_an_infeasible_input_is_said_and_the_mechanism_stays(page, viewers, name
     open_at_home(page, viewer)
     joint = mechanism.actuated[0]
     end = float(np.degrees(page.evaluate("() => window.pinsing.stretches[0].upper")))
-    start = slider(page, joint)
+    start = degrees_of(page, joint)
     drag(page, joint, end + 15)
     said = text(page, "#refused").replace("\n", "")
     assert said.startswith(f"infeasible: {mechanism.inputs[0]} = {end + 15:.1f}°")
@@ -314,7 +308,7 @@ def test_beyond_half_a_turn_the_slider_goes_on(page: Any, five_bar: MechanismVie
     joint = five_bar.mechanism.actuated[1]
     for value in (120, 170, 200, 225):  # feasible up to 231.9 degrees
         drag(page, joint, value)
-        assert slider(page, joint) == pytest.approx(value, abs=1e-6)
+        assert degrees_of(page, joint) == pytest.approx(value, abs=1e-6)
     assert text(page, "#refused") == ""
     typed = "() => [...document.querySelectorAll('.typed')].map((field) => field.value)"
     assert "225.00" in page.evaluate(typed)

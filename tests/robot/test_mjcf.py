@@ -83,10 +83,13 @@ def test_an_included_file_is_read_and_its_lines_are_named(tmp_path):
     assert f"{part}:3: joint 'j3': <joint axis='0 0 nan'>" in refused(tmp_path, text)
 
 
-def test_includes_lead_nowhere_else(tmp_path):
+def test_includes_lead_nowhere_else_and_end(tmp_path):
     (tmp_path / "secret.xml").write_text("<mujocoinclude/>")
     inner = tmp_path / "model"
     inner.mkdir()
     (inner / "link.xml").symlink_to(tmp_path / "secret.xml")
     text = changed("<geom", '<include file="link.xml"/><geom')
     assert "outside the folder of the model" in refused(inner, text)
+    (tmp_path / "a.xml").write_text('<mujocoinclude><include file="a.xml"/></mujocoinclude>')
+    said = refused(tmp_path, changed("<geom", '<include file="a.xml"/><geom'))
+    assert "a.xml:1: <include file='a.xml'>: that file is included already" in said
