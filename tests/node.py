@@ -18,20 +18,19 @@ NODE = shutil.which("node")
 needs_node = pytest.mark.skipif(NODE is None, reason="Node.js is not installed")
 
 
-def run(code: str, data: Any) -> Any:
-    """What a function of the engine's modules returns: ``code`` sees ``m`` and ``data``."""
+def ask(code: str, **seen: Any) -> Any:
+    """What an expression is in the page's engine: it sees ``m``, and what is given by name."""
     assert NODE is not None
     modules = ", ".join(f'...await import("{FOLDER.as_uri()}/{n}.mjs")' for n in engine_modules())
     program = f"""
       import {{ readFileSync }} from "node:fs";
       const m = {{ {modules} }};
-      const data = JSON.parse(readFileSync(0));
-      const found = ({code})(m, data);
-      console.log(JSON.stringify(found));
+      const {{ {", ".join(seen)} }} = JSON.parse(readFileSync(0));
+      console.log(JSON.stringify({code}));
     """
     done = subprocess.run(
         [NODE, "--input-type=module", "-e", program],
-        input=json.dumps(data, default=np.ndarray.tolist),
+        input=json.dumps(seen, default=np.ndarray.tolist),
         capture_output=True,
         text=True,
         timeout=240,
@@ -39,8 +38,3 @@ def run(code: str, data: Any) -> Any:
     )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
-
-
-def ask(code: str, **seen: Any) -> Any:
-    """What an expression is in the page's engine: it sees ``m``, and what is given by name."""
-    return run(f"(m, {{ {', '.join(seen)} }}) => {code}", seen)

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 from arms import textbook
 from dh_arms import dh_text
-from node import ask, needs_node, run
+from node import ask, needs_node
 from numpy.typing import NDArray
 from singular_sets import terms
 from tiers import tiered, tiered_rows
@@ -47,6 +47,11 @@ def wave(frequencies: Any, cos: Any, sin: Any, powers: Any = 0) -> dict[str, Any
     table = np.array(frequencies)
     rows = zip(table, 0 * table + powers, cos, sin, strict=True)
     return equation_data(terms(*rows))
+
+
+RIGHT = np.pi / 2
+ALIKE = wave([[2, 0], [0, 2]], [1, -1], [0, 0])
+"""Zero where two joints have one cosine."""
 
 
 def arm_of(name: str) -> Arm:
@@ -178,13 +183,21 @@ def test_what_a_path_crosses_is_what_the_check_says() -> None:
         for family in form.families:
             there = [c.t for c in told if c.family == family.name]
             assert found.get(family.name, []) == pytest.approx(there, abs=1e-6)
-    # Zeros of a cosine: where a way begins, where it ends, and twice on a way.
-    of = {"name": "E", "branches": [{"values": [], "equations": [wave([[2]], [1], [0])]}]}
-    ways = {(0, 1): [], (-1, 0): [1], (-3.5, 0.5): [0.09, 0.875]}
-    for way, parts in ways.items():
-        rows = np.pi / 2 + np.array(way)[:, None]
-        found = [f["at"] for f in ask(call, families=[of], rows=rows, joints=[{}])]
-        assert found == [pytest.approx(parts, abs=1e-3)] * bool(parts)
+
+
+def test_a_path_meets_an_equation_where_it_is_zero() -> None:
+    """Where a way begins, where it ends, twice on it, near each other, and exactly at a look."""
+    cosine, near = wave([[2]], [1], [0]), wave([[2], [0]], [1, -np.cos(0.05)], [0, 0])
+    cases = [
+        (cosine, [[RIGHT], [RIGHT + 1]], []), (cosine, [[RIGHT - 1], [RIGHT]], [1]),
+        (cosine, [[RIGHT - 3.5], [RIGHT + 0.5]], [(3.5 - np.pi) / 4, 0.875]),
+        (near, [[-0.07], [0.07]], [1 / 7, 6 / 7]), (ALIKE, [[0.1, 0.9], [0.9, 0.1]], [0.5]),
+    ]  # fmt: skip
+    code = """cases.map(([e, rows]) => m.crossings([{ branches: [{ values: [], equations: [e] }] }],
+      rows, [{}, {}]).flatMap((f) => f.at))"""
+    found = ask(code, cases=[case[:2] for case in cases])
+    for times, (*_, parts) in zip(found, cases, strict=True):
+        assert times == pytest.approx(parts, abs=1e-6)
 
 
 @pytest.mark.slow
@@ -374,14 +387,12 @@ def test_what_is_lost_is_told_from_what_is_missing_everywhere(tmp_path: Path) ->
         assert min(torque(q + step * np.eye(4)[2]) for step in (1e-4, -1e-4)) > 1e-5
 
 
-CURVE = """(m, {data, entry, q}) => {
-  const branch = m.curveBranch(data.families.find((f) => f.entry === entry), q, data.joints);
+CURVE = """((branch) => {
   const held = q.slice();
   for (const v of branch.values) held[v.joint] = v.value;
   const [i, j] = branch.involved.slice(-2);
-  const lines = m.locus(branch.equation, held, i, j, [-3.1, 3.1], [-3, 3.1]);
-  return { i, j, held, lines, involved: branch.involved };
-}"""
+  return { i, j, held, lines: m.locus(branch.equation, held, i, j, [-3.1, 3.1], [-3, 3.1]) };
+})(m.curveBranch(families.find((f) => f.entry === entry), q, joints))"""
 
 
 @pytest.mark.slow
@@ -395,7 +406,7 @@ def test_every_end_of_the_curve_is_singular(robot: str, name: str) -> None:
     page = viewer._page(live=False)
     entry = [e["name"] for e in page["entries"]].index(name)
     q = page["entries"][entry]["q"][0]
-    found = run(CURVE, {"data": page["engine"], "entry": entry, "q": q})
+    found = ask(CURVE, **page["engine"], entry=entry, q=q)
     assert len(found["lines"]) > 20
     held, both = np.array(found["held"]), [found["i"], found["j"]]
     branch = next(
@@ -418,17 +429,5 @@ def test_every_end_of_the_curve_is_singular(robot: str, name: str) -> None:
 
 
 def test_a_curve_through_points_of_the_grid_passes_through_them() -> None:
-    equation = {"amplitude": [1, -1], "phase": [0, 0], "rate": [[1, 0], [0, 1]], "power": None}
-    equation |= {"noise": 0, "reach": 1, "curvature": 1, "size": 2}
-    given = """(m, e) => [m.locus(e, [0, 0], 0, 1, [-3, 3], [-3, 3]),
-      m.crossings([{ branches: [{ values: [], equations: [e] }] }], [[.1, .9], [.9, .1]], [])]"""
-    lines, met = run(given, equation)
+    lines = ask("m.locus(e, [0, 0], 0, 1, [-3, 3], [-3, 3])", e=ALIKE)
     assert np.ptp(np.cos(lines), axis=-1).max() < 1e-4
-    assert met[0]["at"] == [0.5]
-
-
-def test_two_crossings_a_tenth_of_a_radian_apart_are_both_met() -> None:
-    near = {"amplitude": [1, -np.cos(0.05)], "phase": [0, 0], "rate": [[1], [0]], "power": None}
-    near |= {"noise": 0, "reach": 1, "curvature": 1, "size": 2}
-    code = "m.crossings([{ branches: [{ values: [], equations: [e] }] }], [[-0.07], [0.07]], [])"
-    assert ask(code, e=near)[0]["at"] == pytest.approx([1 / 7, 6 / 7])
