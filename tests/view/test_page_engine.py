@@ -49,6 +49,13 @@ def wave(frequencies: Any, cos: Any, sin: Any, powers: Any = 0) -> dict[str, Any
     return equation_data(terms(*rows))
 
 
+def family_of(equations: Any, moved: Any, entry: int = 0, values: Any = ()) -> dict[str, Any]:
+    """A family of the page, of one branch."""
+    branch = {"values": values, "equations": equations}
+    said = {"name": f"F{entry + 1}", "text": "here", "where": ["here"]}
+    return {"entry": entry, **said, "moved": [*moved], "branches": [branch]}
+
+
 RIGHT = np.pi / 2
 ALIKE = wave([[2, 0], [0, 2]], [1, -1], [0, 0])
 """Zero where two joints have one cosine."""
@@ -244,6 +251,7 @@ def test_ticks_are_where_a_family_is_met_by_one_joint() -> None:
 
 
 def test_singular_values_of_hard_matrices() -> None:
+    """By the script that pages in a browser run: it holds all modules, and says `Engine`."""
     rng = np.random.default_rng(2)
     cases: list[Floats] = [
         np.zeros((6, 6)), np.ones((6, 7)), np.eye(6), np.diag([1, 1, 1, 1e-9, 1e-9, 0]),
@@ -254,7 +262,9 @@ def test_singular_values_of_hard_matrices() -> None:
         if rng.random() < 0.4 and m > 1:
             A[-1] = A[0]
         cases.append(A)
-    found = ask("cases.map((A) => m.svd(A))", cases=cases)
+    code = "((e) => [Object.keys(e), cases.map((A) => e.svd(A))])((0, eval)(script))"
+    names, found = ask(code, cases=cases, script=f"{engine_script()}; Engine")
+    assert {"frameAt", "svd", "distance", "into", "along", "meetings"} <= set(names)
     for A, here in zip(cases, found, strict=True):
         sigma = np.linalg.svd(A, compute_uv=False)
         np.testing.assert_allclose(here["sigma"], sigma, atol=1e-14 * max(sigma[0], 1e-300) * 50)
@@ -262,29 +272,14 @@ def test_singular_values_of_hard_matrices() -> None:
         np.testing.assert_allclose(U @ U.T, np.eye(len(A)), atol=1e-13)
 
 
-def test_the_bundle_is_the_modules() -> None:
-    """A script that says `Engine`; pages in a browser run it, too."""
-    said = "[Object.keys(Engine), Engine.svd([[3, 0], [0, 4]]).sigma]"
-    names, sigma = ask("(0, eval)(script)", script=f"{engine_script()}; {said}")
-    assert {"frameAt", "svd", "distance", "into", "along", "meetings"} <= set(names)
-    assert sigma == [4, 3]
-
-
 def test_what_is_said_of_the_distance_is_no_more_than_is_known() -> None:
     """Several equations: what is found is an upper bound, which the words call one."""
     data = {"joints": [{"prismatic": False}] * 2, "task": {"lengthScale": 1}}
-
-    def family(entry: int, branch: dict[str, Any]) -> dict[str, Any]:
-        found = {"entry": entry, "name": f"F{entry + 1}", "text": "here", "where": ["here"]}
-        return {**found, "moved": [0, 1], "branches": [branch]}
-
     both, slide = wave([[2, 2], [2, 0]], [0, 0], [1, 0.4]), wave([[2, 0]], [0], [1], [[0, 1]])
-    lone = family(0, {"values": [{"joint": 0, "value": 0}], "equations": []})
-    bent = family(0, {"values": [], "equations": [both]})
-    free = family(1, {"values": [], "equations": [slide]})
-    asked = [[lone], [bent], [free], [lone, free]]
+    lone, bent = family_of([], (0, 1), 0, [{"joint": 0, "value": 0}]), family_of([both], (0, 1))
+    free = family_of([slide], (0, 1), 1)
     call = "asked.map((f) => m.nearestFamily(data, q, f, terms))"
-    given = {"data": data, "asked": asked, "q": [0.3, 0.9]}
+    given = {"data": data, "asked": [[lone], [bent], [free], [lone, free]], "q": [0.3, 0.9]}
     found = ask(call, **given, terms=0)
     said = ("17.2° from F1: here", "between ", "at most ", "at most ")
     assert all(f["text"].startswith(words) for f, words in zip(found, said, strict=True))
@@ -302,10 +297,8 @@ def test_equations_that_hold_at_once_bound_the_distance_together() -> None:
     """By each of them alone it is 0.652 to 0.668 with as much work."""
     both = [wave([[4, 4, 2, 2, 2]], [0], [1]), wave([[4, 2, 4, 2, -2]], [0], [1])]
     data = {"joints": [{"prismatic": False}] * 5, "task": {"lengthScale": 1}}
-    family = {"entry": 0, "name": "F1", "text": "here", "where": ["here"], "moved": [*range(5)]}
-    family["branches"] = [{"values": [], "equations": both}]
-    q = [0.3, 0.4, -0.2, 0.5, 0.3]
-    found = ask("m.nearestFamily(data, q, [f], 30000)", data=data, f=family, q=q)
+    f, q = family_of(both, range(5)), [0.3, 0.4, -0.2, 0.5, 0.3]
+    found = ask("m.nearestFamily(data, q, [f], 30000)", data=data, f=f, q=q)
     assert found["lower"] > 0.665
     assert found["value"] == pytest.approx(0.668069, abs=1e-6)
 
@@ -342,10 +335,7 @@ def test_only_singular_poses_count_where_equations_hold_at_others_too() -> None:
     data, _ = engine(arm)
     q = [0.2, -1.2, 1.1, -0.4, 0.7, 0.3]
     waves = [[2, 0, 0, 0, -2, 0], [2, 0, 0, 0, 2, 0]]
-    family = {
-        "entry": 0, "name": "F1", "text": "here", "where": ["here"], "moved": [0, 4],
-        "branches": [{"values": [], "equations": [wave(waves, [0.5, -0.5], [0, 0])]}],
-    }  # fmt: skip
+    family = family_of([wave(waves, [0.5, -0.5], [0, 0])], (0, 4))
     asked = [[family], [{**family, "confirm": True}]]
     call = "asked.map((f) => m.nearestFamily(data, q, f))"
     either, own = ask(call, data=data, asked=asked, q=q)
