@@ -13,19 +13,18 @@ import pytest
 from arms import place
 from command_line import python
 from pages import baked
-from urdf_texts import LIMIT, joint
+from tiers import tiered
+from urdf_texts import robot
 
 import pinsing
 from pinsing import load
 from pinsing.description import files as references
 from pinsing.view import collada as collada_reader, meshes
-from pinsing.view.collada import NotPlainError, Painted, packed, read_collada
+from pinsing.view.collada import NotPlainError, Painted, packed, read_collada, unpacked
 from pinsing.view.meshes import cache_folder, read_meshes
 from pinsing.view.scene import Recorder, SceneNode, _surface, _textures, draw_links, read_links
 
 NAN, INF = float("nan"), float("inf")
-ROBOT = '<robot name="r">{}</robot>'
-BOMB = bytes.fromhex("676c544602000000fffffffff0ffffff4a534f4e7b7d")
 
 
 def stl(*corners: tuple[float, float, float]) -> bytes:
@@ -49,7 +48,8 @@ end_header
 3 0 1 2
 """
 BAD = {
-    "bomb.glb": BOMB, "text.stl": b"this is not a mesh",
+    "bomb.glb": bytes.fromhex("676c544602000000fffffffff0ffffff4a534f4e7b7d"),
+    "text.stl": b"this is not a mesh",
     "nan.stl": stl((NAN, 0, 0), (1, 0, 0), (0, 1, 0)),
     "inf.stl": stl((INF, 0, 0), (1, 0, 0), (0, 1, 0)),
     "far.stl": stl((1e30, 0, 0), (1, 0, 0), (0, 1, 0)), "empty.stl": b"",
@@ -60,52 +60,26 @@ BAD = {
 }  # fmt: skip
 
 
-def robot_with(*names: str, scale: str = "1 1 1") -> str:
-    shapes = "".join(
-        f'<visual><geometry><mesh filename="{name}" scale="{scale}"/></geometry></visual>'
-        for name in names
-    )
-    links = f'<link name="a"/><link name="b">{shapes}</link><link name="c"/>'
-    end = joint("j2", "b", "c", inner='<origin xyz="0 0 1"/><axis xyz="0 1 0"/>' + LIMIT)
-    return ROBOT.format(links + joint("j1", "a", "b") + end)
+SINGLY = [[name] for name in BAD]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("names", [BAD, *(pytest.param([n], marks=pytest.mark.slow) for n in BAD)])
+@pytest.mark.parametrize("names", tiered([*SINGLY, list(BAD)], SINGLY[:1]), ids=" ".join)
 def test_meshes_that_fail_are_named_and_the_others_are_read(names, tmp_path):
-    """One in bad company, and all of them in one reading."""
+    """Beside what is no file: one in bad company, and all of them in one reading."""
     contents = {"first.stl": GOOD, **{name: BAD[name] for name in names}, "last.ply": PLY}
     paths = [tmp_path / name for name in contents]
     for path, content in zip(paths, contents.values(), strict=True):
         path.write_bytes(content)
+    (tmp_path / "folder.stl").mkdir()
+    paths[1:1] = [tmp_path / "folder.stl", tmp_path / "none.stl", Path("/dev/zero")]
     first, *failed, last = read_meshes(paths).values()
     assert first == ()  # the page gets the file
-    assert len(failed) == len(names)
+    assert len(failed) == len(names) + 3
     for bad in failed:
         assert re.fullmatch(".+", bad)
     assert last[0].vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 2, 0]]
     assert last[0].faces.tolist() == [[0, 1, 2]]
-
-
-def test_a_bomb_finds_no_memory_and_what_is_no_file_no_reader(tmp_path):
-    (tmp_path / "a.glb").write_bytes(BOMB)
-    (tmp_path / "folder.stl").mkdir()
-    names = [tmp_path / name for name in ("a.glb", "none.stl", "folder.stl")]
-    found = read_meshes([*names, Path("/dev/zero")]).values()
-    assert {type(x) for x in found} == {str}
-    assert meshes.MEMORY <= 2 * 2**30  # its reader may have no more; it asks for 4.3 GiB
-
-
-def by_another(tmp_path, monkeypatch, code, seconds=None, said=lambda note: None):
-    """What is said of good files that another program reads."""
-    (tmp_path / "worker.py").write_text(code)
-    monkeypatch.setattr(meshes, "_WORKER", tmp_path / "worker.py")
-    if seconds is not None:
-        monkeypatch.setattr(meshes, "SECONDS_EACH", seconds)
-    paths = [tmp_path / "a.stl", tmp_path / "b.stl"]
-    for path in paths:
-        path.write_bytes(GOOD)
-    return [str(found) for found in read_meshes(paths, said).values()]
+    assert meshes.MEMORY <= 2 * 2**30  # the bomb's reader may have no more; it asks for 4.3 GiB
 
 
 IN_JAIL = f"""
@@ -118,20 +92,29 @@ print('{"no_wall": []}', flush=True)
 while True: pass
 """
 SLEEPS, DIES = "import time; time.sleep(60)", "import os; os.kill(os.getpid(), 11)"
+OPEN = """print('{"no_wall": ["Landlock is not there"]}', flush=True)"""
 
 
 @pytest.mark.parametrize(
-    ("code", "seconds", "said"),
+    ("code", "seconds", "found", "noted"),
     [
-        pytest.param(SLEEPS, 0.3, "is not read within 0.3 s", marks=pytest.mark.slow),
-        pytest.param(IN_JAIL + SPINS, 100.0, "is not read within 100 s", marks=pytest.mark.slow),
-        (DIES, None, "breaks its reader"),
+        pytest.param(SLEEPS, 0.3, "is not read within 0.3 s", [], marks=pytest.mark.slow),
+        pytest.param(IN_JAIL + SPINS, 100.0, "not read within 100 s", [], marks=pytest.mark.slow),
+        (DIES, 20.0, "breaks its reader", []),
+        (OPEN, 20.0, "breaks its reader",
+         ["meshes were read without all of the kernel's walls: Landlock is not there"]),
     ],
-    ids=["does not end", "uses up its processor time", "dies"],
-)
-def test_a_reader_that_fails_is_started_again(tmp_path, monkeypatch, code, seconds, said):
-    found = by_another(tmp_path, monkeypatch, code, seconds)
-    assert all(said in text for text in found)
+    ids=["does not end", "uses up its processor time", "dies", "has not all walls"],
+)  # fmt: skip
+def test_a_reader_that_fails_is_started_again(tmp_path, monkeypatch, code, seconds, found, noted):
+    (tmp_path / "worker.py").write_text(code)
+    monkeypatch.setattr(meshes, "_WORKER", tmp_path / "worker.py")
+    monkeypatch.setattr(meshes, "SECONDS_EACH", seconds)
+    paths, said = [tmp_path / "a.stl", tmp_path / "b.stl"], []
+    for path in paths:
+        path.write_bytes(GOOD)
+    assert all(found in str(mesh) for mesh in read_meshes(paths, said.append).values())
+    assert said == noted
 
 
 WALLS = """
@@ -166,21 +149,15 @@ def test_the_reader_of_meshes_sees_their_folders_only(tmp_path):
     assert lines == ["", "open", "refused", "refused", "refused", "refused"]
 
 
-def test_a_wall_that_is_not_there_is_said(tmp_path, monkeypatch):
-    said = []
-    code = """print('{"no_wall": ["Landlock is not there"]}', flush=True)"""
-    by_another(tmp_path, monkeypatch, code, said=said.append)
-    words = "meshes were read without all of the kernel's walls: Landlock is not there"
-    assert set(said) == {words}
-
-
 @pytest.mark.slow
 def test_bones_stand_for_meshes_that_are_missing_or_broken_and_we_alone_say_so(tmp_path):
     for name, content in BAD.items():
         (tmp_path / name).write_bytes(content)
     file, out = tmp_path / "arm.urdf", tmp_path / "page.html"
-    file.write_text(robot_with("package://nowhere/a.dae", *BAD))
-    done = python("-m", "pinsing", "view", file, "--task", "wx,wz", "-o", out, timeout=120)
+    visual = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
+    shapes = "".join(map(visual.format, ("package://nowhere/a.dae", *BAD)))
+    file.write_text(robot(links="ac", extra=f'<link name="b">{shapes}</link>'))
+    done = python("-m", "pinsing", "view", file, "--task", "wz", "-o", out, timeout=120)
     assert done.returncode == 0, done.stderr
     assert all(word not in done.stderr for word in ("Assimp", "assimp", "ERROR", "Traceback"))
     assert done.stderr.count("is not drawn") >= 3
@@ -352,17 +329,11 @@ def test_meshes_of_robots_are_those_that_assimp_reads() -> None:
         assert mine == pytest.approx(theirs, rel=1e-4)
 
 
-def test_a_cache_of_something_else_is_not_taken(tmp_path, monkeypatch):
-    monkeypatch.setenv("PINSING_CACHE", str(tmp_path / "cache"))
-    file = tmp_path / "square.dae"
-    file.write_text(square())
-    whole = packed(read(square()))
-    one, *others = read(square())[0]
+def test_what_is_no_answer_is_not_taken_for_one():
+    (one, *others), whole = read(square())[0], packed(read(square()))
     strangers = [b"x", whole[:-30], packed([one]), packed([(one.ravel(), *others)])]
-    for data in [*strangers, packed([(*read(square())[0][:4], np.array([np.nan]))])]:
-        monkeypatch.setattr(meshes, "kept", lambda file, data=data: meshes.unpacked(data))
-        (part,) = read_meshes([file])[file]
-        assert len(part.faces) == 2
+    strangers.append(packed([(one, *others[:-1], np.array([np.nan]))]))
+    assert [unpacked(data) for data in strangers] == [None] * 5
 
 
 def test_polygons_of_all_sizes_take_time_by_their_corners() -> None:
