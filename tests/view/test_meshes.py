@@ -113,7 +113,8 @@ def test_a_reader_that_fails_is_started_again(tmp_path, monkeypatch, code, secon
     paths, said = [tmp_path / "a.stl", tmp_path / "b.stl"], []
     for path in paths:
         path.write_bytes(GOOD)
-    assert all(found in str(mesh) for mesh in read_meshes(paths, said.append).values())
+    read = read_meshes(paths, said.append).values()
+    assert [found in str(mesh) for mesh in read] == [True, True]
     assert said == noted
 
 
