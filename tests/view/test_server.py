@@ -195,39 +195,27 @@ class Tab:
         self.link.settimeout(10)
         self.link.connect(("127.0.0.1", server.port))
         self.link.sendall(upgrading(server, f"/{token(server)}/live"))
-        head = b""
-        while not head.endswith(b"\r\n\r\n"):
-            head += self.exactly(1)
-        assert b"101" in head
+        self.answer = OPENED.enter_context(self.link.makefile("rb"))
+        assert b"101" in b"".join(iter(self.answer.readline, b"\r\n"))
 
     def send(self, text: str) -> None:
         data = text.encode()
         self.link.sendall(bytes([0x81, 0x80 | len(data)]) + bytes(4) + data)
 
     def read(self) -> dict[str, Any]:
-        first, size = self.exactly(2)
+        first, size = self.answer.read(2)
         assert first == 0x81
         if size > 125:
-            size = int.from_bytes(self.exactly(2 if size == 126 else 8), "big")
-        found: dict[str, Any] = json.loads(self.exactly(size))
+            size = int.from_bytes(self.answer.read(2 if size == 126 else 8), "big")
+        found: dict[str, Any] = json.loads(self.answer.read(size))
         return found
-
-    def exactly(self, size: int) -> bytes:
-        data = b""
-        while len(data) < size:
-            part = self.link.recv(size - len(data))
-            if not part:
-                raise EOFError
-            data += part
-        return data
 
 
 def test_a_page_is_told_where_to_start_and_says_nothing_itself(server: Server) -> None:
     tab, other = Tab(server), Tab(server)
     assert tab.read() == other.read() == {"q": [0.5]}
     tab.send('{"want": "start"}')
-    with pytest.raises(EOFError):  # no page of ours
-        tab.read()
+    assert tab.answer.read() == b""  # no page of ours
     server.send({"shown": 1})
     assert other.read() == {"shown": 1}
 
@@ -378,16 +366,11 @@ def test_a_signal_ends_a_page_with_tabs_open(command, how: signal.Signals) -> No
 def test_no_port_is_open_but_the_one(command) -> None:
     process, there = command
     assert urllib.request.urlopen(there.url).status == 200
-    mine = set()
-    for entry in Path(f"/proc/{process.pid}/fd").iterdir():
-        with contextlib.suppress(OSError):
-            mine.add(os.readlink(entry))
-    listening = []
-    for table in ("tcp", "tcp6"):
-        for line in Path(f"/proc/{process.pid}/net/{table}").read_text().splitlines()[1:]:
-            fields = line.split()
-            if fields[3] == "0A" and f"socket:[{fields[9]}]" in mine:
-                listening.append(fields[1])
+    files = Path(f"/proc/{process.pid}/fd").iterdir()
+    mine = {os.readlink(file) for file in files if file.is_socket()}
+    tables = (Path(f"/proc/{process.pid}/net/{name}").read_text() for name in ("tcp", "tcp6"))
+    rows = [line.split() for table in tables for line in table.splitlines()[1:]]
+    listening = [row[1] for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in mine]
     assert listening == [f"0100007F:{there.port:04X}"]
 
 
