@@ -10,7 +10,7 @@ import pytest
 
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 SIZE = {"width": 1000, "height": 700}
-BLUE, ORANGE, PINK = (0x00, 0x72, 0xB2), (0xE6, 0x9F, 0x00), (0xC4, 0x18, 0x7C)
+BLUE, PINK = (0x00, 0x72, 0xB2), (0xC4, 0x18, 0x7C)
 
 
 def open_page(page: Any, url: str) -> None:
@@ -25,14 +25,6 @@ def picture(page: Any) -> np.ndarray:
     shot = page.evaluate("() => window.pinsing.view.viewer.capture_image()")
     data = base64.b64decode(shot.split(",")[1])
     return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), dtype=float)
-
-
-PARTS = ("translation", "rotation", "lost", "axis", "visual", "bone", "floor")
-
-
-def show_only(page: Any, *parts: str) -> None:
-    for part in PARTS:
-        page.evaluate("([o, v]) => window.pinsing.view.set(o, v)", [part, part in parts])
 
 
 def serious_findings(page: Any) -> list[Any]:

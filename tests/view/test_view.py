@@ -53,18 +53,16 @@ def test_pure_ellipsoids_collapse_along_the_wrench_that_needs_no_torque() -> Non
 
 
 def test_sizes_of_what_is_drawn():
-    radii = np.array([2.0, 1.0, 0.0])
-    drawn = scene.drawn_radii(radii, 0.5, reach=1.0)
-    assert drawn == pytest.approx([1.0, 0.5, scene.FLATTEST])
-    assert radii[2] == 0.0
     for given, scale, expected in (
+        ([2, 1, 0], 0.5, [1, 0.5, scene.FLATTEST]),
         ([0, 0, 0], 1.0, [0, 0, 0]),
         ([2, 0, 0], 0.05, [0.1, scene.LEAST, scene.LEAST]),
         ([2, 0, 0], 0.005, [0.01, 0.001, 0.001]),
         ([2, 1, 0.9], 0.05, [0.1, 0.05, 0.045]),  # no thinner than that: as it is
     ):
-        drawn = scene.drawn_radii(np.array(given, dtype=float), scale, reach=1.0)
-        assert drawn == pytest.approx(expected)
+        radii = np.array(given, dtype=float)
+        assert scene.drawn_radii(radii, scale, reach=1.0) == pytest.approx(expected)
+        assert radii.tolist() == given
     arm = textbook("puma560")
     one, two = scene.sizes(arm), scene.sizes(arm, 2.0)
     twice = (2 * one.translation, 2 * one.rotation)
@@ -341,8 +339,9 @@ def test_a_click_plays_the_way_to_a_posture(page: Any, cuspidal: Any) -> None:
             q = q_of(page)
             assert np.abs(arm.space.wrap(q - np.array(listed[k]["q"][0]))).max() < 1e-9
             assert f"posture {k + 1}" in text(page, "#playing")
+            assert page.evaluate("() => window.pinsing.running") is False
             last = int(page.locator("#scrub").get_attribute("max") or 0)
-            assert (last > 50) == (listed[k]["way"] is not None)
+            assert (last > 50) == page.locator("#scrub").is_enabled() == bool(listed[k]["way"])
 
 
 PAGES = ["check", "form", "postures", "analysis"]

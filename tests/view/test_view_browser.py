@@ -14,18 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from chromium import (
-    BLUE,
-    PINK,
-    near,
-    open_page,
-    picture,
-    q_of,
-    serious_findings,
-    show_only,
-    text,
-    until,
-)
+from chromium import BLUE, PINK, near, open_page, picture, q_of, serious_findings, text, until
 from command_line import run, started
 from mechanisms import analyzed, shipped
 
@@ -182,7 +171,6 @@ def test_the_static_page_opens_from_a_file(page: Any, addresses: Any) -> None:
 def test_meshes_are_drawn_whole(page: Any) -> None:
     with Viewer(load("ur5"), poses=[[0, -1.2, 1.4, 0.3, 0.8, 0]]) as viewer:
         open_page(page, viewer.url)
-        show_only(page, "visual")
         nested, meshes = page.evaluate(
             """() => { const materials = [];
                  const keep = (o) => { if (o.isMesh) materials.push(o.material); };
@@ -193,7 +181,7 @@ def test_meshes_are_drawn_whole(page: Any) -> None:
         assert nested == 0
         assert meshes > 7
         with_meshes = picture(page)
-        show_only(page)
+        page.evaluate("() => window.pinsing.view.set('visual', false)")
         assert (np.abs(picture(page) - with_meshes).sum(axis=-1) > 30).mean() > 0.02
 
 
@@ -542,13 +530,6 @@ ACTIONS = [
 ]  # fmt: skip
 
 
-def linkage_drag(page: Any) -> None:
-    before = q_of(page)
-    page.locator(".joint input[type=range]").nth(0).fill("1.2")
-    page.wait_for_function("() => window.pinsing.view.frame.q[0] === 1.2")
-    assert np.abs(q_of(page) - before).max() > 0.05
-
-
 def linkage_nearest(page: Any) -> None:
     there_and_back(page, ("#status", "singularity"), ("#status", "Regular"))
 
@@ -578,7 +559,7 @@ def linkage_drag_output(page: Any) -> None:
 
 
 LINKAGE = [
-    linkage_drag, linkage_drag_output, linkage_nearest, clearest, linkage_text, linkage_path,
+    linkage_drag_output, linkage_nearest, clearest, linkage_text, linkage_path,
 ]  # fmt: skip
 
 
@@ -621,17 +602,6 @@ def test_axe_has_no_serious_finding(page, addresses, kind, scheme):
             open_page(page, addresses("file", kind))
         page.wait_for_function("(w) => window.innerWidth === w", arg=width)
         assert serious_findings(page) == []
-
-
-@pytest.mark.slow
-def test_whoever_wants_no_motion_gets_the_end_of_it(page, addresses):
-    page.emulate_media(reduced_motion="reduce")
-    open_page(page, addresses("file", "arm"))
-    page.locator(".chosen .into").click()
-    page.wait_for_function("() => window.pinsing.path?.kind === 'into'")
-    assert page.evaluate("() => window.pinsing.running") is False
-    assert text(page, "#status") == "Singular"
-    assert page.locator("#scrub").is_enabled()
 
 
 @pytest.mark.slow
