@@ -102,6 +102,10 @@ def matrices(m: int, n: int, N: int) -> Iterator[tuple[str, np.ndarray, np.ndarr
     for spread in (0.0, 1e-14, 1e-12, 1e-8, 1e-4):
         s = -np.sort(-1 - spread * rng.standard_normal((N, k)), axis=1)
         yield f"spread {spread}", with_values(rng, s, m, n), s
+    s = 10 ** rng.uniform(-17, 0, (N, k))
+    s[::2, 1:3] = s[::2, :1] * (1 + 10 ** rng.uniform(-16, 0, s[::2, 1:3].shape))
+    s = -np.sort(-s, axis=1)
+    yield "pairs of any size", with_values(rng, s, m, n), s
 
 
 def lapack(A: np.ndarray) -> np.ndarray:
