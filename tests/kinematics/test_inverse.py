@@ -115,28 +115,18 @@ def test_pairs_next_to_a_singularity_are_told_apart(rows):
     assert min(least) < 2e-4
 
 
-CUSPIDAL = ((0, 1, -90), (1, 2, 90), (0, 1.5, 0))
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("rows", "task", "poses", "starts", "counts"),
-    [(CRX, "pose", 120, 1024, {4, 8, 12}), (CUSPIDAL, "position", 6, 2048, {2, 4})],
-    ids=["offset wrist", "cuspidal"],
-)
-def test_more_starts_find_no_more(rows, task, poses, starts, counts):
-    """Of another seed, where there is no doubt; of three joints the equation is of degree four."""
-    arm, seen = made(rows, task), set()
-    part = np.s_[:, 3] if task == "position" else np.s_[:]
-    for q in arm.space.sample(poses, np.random.default_rng(11), True):
+def test_more_starts_find_no_more_for_an_offset_wrist():
+    """Of another seed, where there is no doubt."""
+    arm, seen = made(CRX), set()
+    for q in arm.space.sample(120, np.random.default_rng(11), True):
         T = pose_of(arm, q)
-        found, more = pinsing.inverse(arm, T), pinsing.inverse(arm, T, starts=starts, seed=7)
+        found, more = pinsing.inverse(arm, T), pinsing.inverse(arm, T, starts=1024, seed=7)
         for s in found.q:
-            assert np.abs(pose_of(arm, s) - T)[part].max() < 1e-9
-        assert found.doubt or len(found) >= len(more)
-        assert found.doubt or len(found) % 2 == 0
+            assert np.abs(pose_of(arm, s) - T).max() < 1e-9
+        assert found.doubt or (len(found) >= len(more) and len(found) % 2 == 0)
         seen.add(len(found))
-    assert seen >= counts
+    assert seen >= {4, 8, 12}
 
 
 def test_a_sign_that_lacks_is_known():

@@ -469,8 +469,6 @@ def test_the_command_writes_a_path_that_check_takes(form, tmp_path):
     none = run(*arguments, "--deg")
     assert none.exit_code == 1
     assert "No path: pose 3 at (" in none.stdout
-    bad = run("path", "ur5", str(Path("nothere.csv")))
-    assert bad.exit_code == 2
     poses.write_text("x,y,z,i,j,k,t\n0.4,0,0.2,0,0,1,0\n0.4,0.1,0.2,0,0,1,1\n")
     both = run("path", "ur5", str(poses), "--free", "roll", "--feed", "0.1")
     assert (both.exit_code, "column t" in both.stderr) == (2, True)
