@@ -1,10 +1,9 @@
-"""`pinsing.proximity.zones` once more, in NumPy: what the kernel is held to."""
+"""`pinsing.proximity.zones` once more, in NumPy, but for rounding: what the kernel is held to."""
 
 import math
 
 import numpy as np
 
-from pinsing.measures import NOISE
 from pinsing.proximity.zones import SpeedBounds, sums_behind
 
 
@@ -42,22 +41,21 @@ class PlainBounds(SpeedBounds):
         A, k = self._inverses(M, rounds), M.shape[2]
         active = np.flatnonzero(self.moving)
         r, slopes = R[:, active], [self._slope(J, J, int(j)) for j in active]
-        G, size = np.empty((len(C), len(active), k, k)), np.abs(M)
+        G = np.empty((len(C), len(active), k, k))
         B = np.empty((len(C), len(active), *A.shape[1:]))
         for i, (j, slope) in enumerate(zip(active, slopes, strict=True)):
             Mj = self.rows @ slope
             G[:, i] = A @ Mj
             B[:, i] = G[:, i] @ A - self._carried(A, int(j), J[:, :3, j])
-            size += np.abs(Mj) * r[:, i, None, None]
         E1, (E3, moved) = np.einsum("nj,njab->nab", r, np.abs(G)), self._rest(A, J, R)
         F = self._first_order(A, B, r)
         more = _times(E1, _times(E1, _times(E1, F)) + _times(E3, F)) + _times(E3, F)
-        y = self._with_second_order(slopes, J, M, A, G, B, E1, E3, F, moved, size, r)
+        y = self._with_second_order(slopes, J, A, G, B, E1, E3, F, moved, r)
         # Where the first order is too much already, the second is not looked at.
         good = np.isfinite(y).all(axis=1) & (self._largest(F + more) <= 1)
-        return np.where(good, self._largest(y) * (1 + NOISE), np.inf)
+        return np.where(good, self._largest(y), np.inf)
 
-    def _with_second_order(self, slopes, J, M, A, G, B, E1, E3, F, moved, size, r):
+    def _with_second_order(self, slopes, J, A, G, B, E1, E3, F, moved, r):
         """Bounds y (N, d), infinite where nothing is proven."""
         active = np.flatnonzero(self.moving)
         E2, E3, Q, bent = np.zeros_like(E1), E3.copy(), np.zeros_like(E1), np.zeros(F.shape)
@@ -67,7 +65,6 @@ class PlainBounds(SpeedBounds):
                 both = self._slope(slopes[h], J, int(j)) + self._slope(J, slopes[h], int(j))
                 Mjl = self.rows @ both
                 rr = r[:, i] * r[:, h] / (1 if h > i else 2)
-                size += np.abs(Mjl) * rr[:, None, None]
                 second = A @ Mjl
                 E2 += np.abs(second) * rr[:, None, None]
                 squared = G[:, i] @ G[:, h] + G[:, h] @ G[:, i] - second
@@ -79,30 +76,17 @@ class PlainBounds(SpeedBounds):
                 for o in self._nearer(active, i, h):
                     third = self.rows @ self._slope(both, J, int(active[o]))
                     rrr = rr * r[:, o] / (1 + (o == i) + (o == h))
-                    size += np.abs(third) * rrr[:, None, None]
                     E3 += np.abs(A @ third) * rrr[:, None, None]
-        # The exact right inverse near A is A (1 + d) with entries of d of at most ``off``.
-        missed = np.abs(M @ A - np.eye(M.shape[1])) + NOISE * (np.abs(M) @ np.abs(A))
-        off = 2 * missed.sum(axis=2).max(axis=1)[:, None]
-        slack = np.abs(A) @ (NOISE * size + (off * size.sum(axis=1))[:, None])
-        E1, E2, E3 = E1 + slack, E2 + slack, E3 + slack
-        E, Q = E1 + E2 + E3, Q + slack + slack @ E1 + E1 @ slack
-        T = Q @ E + E1 @ (E2 + E3) + E3
-        missed = off * 2 * (self.v + self.w * (1 + moved[:, :1])) * np.abs(A).sum(axis=2)
+        T = Q @ (E1 + E2 + E3) + E1 @ (E2 + E3) + E3
         # Of A X x: all orders but the zeroth, but the first, and but the second.
         lever = self.w * np.linalg.norm(A[..., self.linear], axis=-1)
-        first, second, third = (lever * moved[:, i, None] + missed for i in range(3))
-        F = (F + bent) * (1 + NOISE) + NOISE
-        F += _times(3 * slack + slack @ E1 + E1 @ slack, self._norms(A) + first)
-        F += third + _times(E1, second) + _times(Q, first)
+        first, second, third = (lever * moved[:, i, None] for i in range(3))
+        F = F + bent + third + _times(E1, second) + _times(Q, first)
         with np.errstate(all="ignore"):
             left = np.eye(T.shape[1]) - np.minimum(T, 1e6)
-            y = np.asarray(np.linalg.solve(left, F[..., None])[..., 0], dtype=np.float64)
-            y = y * (1 + 1e-9)
-            holds = (y > 0) & ((F + _times(T, y)) * (1 + NOISE) <= y)
-            good = np.all(holds, axis=1, keepdims=True)
-            good &= off < 1e-3
-        return np.where(good, y, np.inf)
+            y = np.linalg.solve(left, F[..., None])[..., 0] * (1 + 1e-9)
+            holds = (y > 0) & (F + _times(T, y) <= y)
+        return np.where(np.all(holds, axis=1, keepdims=True), y, np.inf)
 
     def _slope(self, J, K, j):
         """Return derivatives (N, 6, k) of Jacobians by joint j, axes of the link behind ``middle``.
@@ -147,7 +131,7 @@ class PlainBounds(SpeedBounds):
         return np.asarray(np.cross(linear, v[:, None]) @ self.rows[:, 3:].T)
 
     def _rest(self, A, J, R):
-        """Bound (N, k, k) what the third order and more of J adds to A M, and its rounding.
+        """Bound (N, k, k) what the third order and more of J adds to A M.
 
         With V_b the length of column b: in the axes in the middle the third derivative of column k
         by turning joints between it and the middle is at most the sum of V of the four. Of twists
@@ -178,15 +162,12 @@ class PlainBounds(SpeedBounds):
         moved = np.zeros((N, 3))
         if self.still:
             orders = behind.sum(axis=1), pairs.sum(axis=1) / 2, triples.sum(axis=1) / 6
-            moved = np.stack(orders, axis=1)
-            moved += NOISE * (self.far.max() + 1)
-            moved = np.cumsum(moved[:, ::-1], axis=1)[:, ::-1]
+            moved = np.cumsum(np.stack(orders[::-1], axis=1), axis=1)[:, ::-1]
         else:
             linear = np.where(before, linear, 0.0) + far * d**3 + sums_behind(triples)
             linear += 3 * p**2 * before * behind.sum(axis=1, keepdims=True)
             linear += 3 * p * before * pairs.sum(axis=1, keepdims=True)
-        linear = linear / math.factorial(order) + NOISE * (self.far + here + 1)
-        angular = p**order / math.factorial(order) + NOISE
+        linear, angular = linear / math.factorial(order), p**order / math.factorial(order)
         av = np.linalg.norm(A[..., self.linear], axis=-1)[..., None]
         aw = np.linalg.norm(A[..., ~self.linear], axis=-1)[..., None]
         return np.asarray(av * linear[:, None] + aw * angular[:, None]), moved
