@@ -42,7 +42,6 @@ from pinsing.algebra.ring import (
     Ring,
     Value,
     coefficients_by,
-    terms_of,
     whole_terms,
 )
 
@@ -196,13 +195,15 @@ def settled(c: Component, ring: Ring) -> Component:
     return replace(c, values=values, relations=tuple(sorted(left, key=len)))
 
 
+def vanishing(c: Component, ring: Ring) -> list[Poly]:
+    """Polynomials that are all zero at the points of a component, and at no others."""
+    return [*itertools.starmap(ring.fixing, c.values.items()), *c.relations]
+
+
 def on_any(components: Iterable[Component], point: SlicePoint) -> bool:
     """Return True if a point lies on one of some components."""
-    return any(
-        all(point.has(j, value) for j, value in c.values.items())
-        and all(point.is_zero(r) for r in c.relations)
-        for c in components
-    )
+    ring = point.slice.residues.ring
+    return any(all(map(point.is_zero, vanishing(c, ring))) for c in components)
 
 
 FIRST_SEED = 7
@@ -345,24 +346,12 @@ def _fewest(polys: list[Poly], count: int, ring: Ring) -> tuple[Poly, ...]:
     if len(polys) <= count or not ring.rational:
         return tuple(polys)
     context = fmpz_mpoly_ctx.get(list(polys[0].context().names()), Ordering.degrevlex)
-
-    few = fmpz_mpoly_vec([context.from_dict(whole_terms(p)) for p in polys[:count]], context)
+    every = [context.from_dict(whole_terms(p)) for p in polys]
     # Of a Groebner basis: polynomials, terms, bits of coefficients.
+    few = fmpz_mpoly_vec(every[:count], context)
     basis, done = few.buchberger_naive(limits=(60, 200, 5_000))
-    if not done:
-        return tuple(polys)
-    over_q = [polys[0].context().from_dict(dict(terms_of(g))) for g in basis]
-    return tuple(polys[:count] if all(_reduced(p, over_q) == 0 for p in polys[count:]) else polys)
-
-
-def _reduced(poly: Poly, basis: Sequence[Poly]) -> Poly:
-    """Remainder of division by all of a basis."""
-    before = None
-    while poly != 0 and poly != before:
-        before = poly
-        for g in basis:
-            poly = divmod(poly, g)[1]
-    return poly
+    enough = done and basis.is_groebner(fmpz_mpoly_vec(every, context))
+    return tuple(polys[:count] if enough else polys)
 
 
 @dataclass(frozen=True, eq=False)
@@ -536,13 +525,8 @@ class Search:
     ) -> None:
         """Go on inside each of some factors, but for those that are components themselves."""
         for f in factors:
-            if f in shared:
-                continue
-            fixed = self.ring.joint_value(f)
-            if fixed is not None:
-                self._search(place.at(dict([fixed])))
-            else:
-                self._relation(f, place)
+            if f not in shared:
+                self._and((), f, place, 0)
 
     def _relation(self, p: Poly, place: SearchPlace) -> None:
         """Components inside p = 0."""
@@ -588,10 +572,7 @@ class Search:
                 self._search(place)
             elif (reduced := self._reduced(place)) is not None:
                 independent = self._independent(distinct, place.values)
-                if len(independent) == 1:
-                    self._relation(independent[0], reduced)
-                else:
-                    self._system(independent, reduced, len(independent))
+                self._system(independent, reduced, len(independent))
 
     def _independent(self, relations: Relations, values: Mapping[int, Value]) -> Relations:
         """Return some relations, of which each cuts the common zeros of those before it."""
@@ -609,11 +590,14 @@ class Search:
         return tuple(kept)
 
     def _system(self, relations: Relations, place: SearchPlace, count: int) -> None:
-        """Find components inside common zeros of codimension ``count``, of two equations or more.
+        """Find components inside common zeros of codimension ``count``.
 
         Those that are such common zeros themselves are stated by as few joints as can be found.
         Where none is, one more minor cuts the rest down by one dimension.
         """
+        if count == 1:
+            self._relation(relations[0], place)
+            return
         key = (frozenset(place.values.items()), frozenset(map(str, relations)), place.minors.size)
         if key in self._seen or place.room < count:
             return

@@ -39,25 +39,6 @@ from pinsing.errors import Refusal
 from pinsing.robot.surd import residue
 
 
-def rank_over(field_rows: Sequence[Sequence[Any]]) -> int:
-    """Rank of a matrix over a finite field, by elimination."""
-    rows = [list(row) for row in field_rows]
-    rank = 0
-    while rows and rows[0]:
-        k = next((i for i, row in enumerate(rows) if not row[0].is_zero()), None)
-        if k is None:
-            rows = [row[1:] for row in rows]
-            continue
-        pivot = rows.pop(k)
-        inverse = pivot[0].inverse()
-        rows = [
-            [x - row[0] * inverse * p for x, p in zip(row[1:], pivot[1:], strict=True)]
-            for row in rows
-        ]
-        rank += 1
-    return rank
-
-
 class Undecided(Refusal):
     """The zeros are not finitely many, or more than can be told apart."""
 
@@ -428,22 +409,22 @@ class SlicePoint:
 
     def rank(self, matrix: Matrix) -> int:
         """Rank of a matrix of polynomials there."""
-        return rank_over([[self.value(x) for x in row] for row in matrix])
+        return self._rank([[self.value(x) for x in row] for row in matrix])
 
     def transversal(self, polys: Sequence[Poly]) -> bool:
         """Return True if zero sets cross there: their gradients are independent."""
         nvars = self.slice.residues.ring.nvars
         slopes = [[self.value(p.derivative(v)) for v in range(nvars)] for p in polys]
-        return rank_over(slopes) == len(polys)
+        return self._rank(slopes) == len(polys)
 
-    def has(self, joint: int, value: Value) -> bool:
-        """Return True if a joint is at a value there."""
-        ring, prime = self.slice.residues.ring, self.slice.residues.prime
-        wanted = [residue(c, prime) for c in value]
-        x, *y = (self.zero.value(self.slice.images[v]) for v in ring.variables(joint))
-        if not y:
-            return bool(x == self.field(wanted[0]))
-        return bool((x * wanted[1] - y[0] * wanted[0]).is_zero())
+    def _rank(self, rows: Sequence[Sequence[Any]]) -> int:
+        """Rank of a matrix over the field; to its prime field an element is a matrix of its own."""
+        size = int(self.field.degree())
+        powers = [self.field.gen() ** k for k in range(size)]
+        images = [x * g for row in rows for g in powers for x in row]
+        flat = [int(c) for x in images for c in (x.to_list() + [0] * size)[:size]]
+        shape = size * len(rows), size * len(rows[0])
+        return int(nmod_mat(*shape, flat, self.slice.residues.prime).rank()) // size
 
 
 def slice_points(

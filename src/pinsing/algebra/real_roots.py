@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -55,8 +55,8 @@ def real_roots(poly: Poly, joint: int, ring: Ring) -> list[AlgebraicValue]:
     where its x divides.
 
     Roots of a polynomial with square roots in it are among those of its norm, the product of its
-    images under all changes of the roots' signs. Ball arithmetic throws out those that are not;
-    what is left is right when it is no more than the polynomial has complex roots.
+    images under all changes of the roots' signs; what is left of these is right when it is no more
+    than the polynomial has complex roots.
     """
     first, last = ring.variables(joint)[0], ring.variables(joint)[-1]
     infinite = first != last and min(m[first] for m in poly.monoms()) > 0
@@ -66,22 +66,35 @@ def real_roots(poly: Poly, joint: int, ring: Ring) -> list[AlgebraicValue]:
         if (1,) in parts:
             plain, times_root = parts.get((0,)) or ring.zero, parts[1,]
             norm = ring.reduce(plain * plain - ring.roots[k] * times_root * times_root)
-    factors = _line(whole_terms(norm), last).factor()[1]
+    line = [f for f, _ in _line(whole_terms(norm), last).factor()[1]]
+
+    def is_root(values: Sequence[acb]) -> bool:
+        at = [acb(1)] * ring.nvars + [acb(d).sqrt() for d in ring.roots]
+        at[last] = values[0]
+        return bool(_value(poly, at).contains(0))
+
+    met = _told_apart([line], is_root if ring.roots else bool, poly.degrees()[last])
+    return [root for (root,) in met] + [AlgebraicValue(None, ())] * infinite
+
+
+def _told_apart(
+    lines: Sequence[Sequence[fmpz_poly]], is_zero: Callable[[Sequence[acb]], bool], count: int
+) -> list[tuple[AlgebraicValue, ...]]:
+    """Real ones of the ``count`` zeros, of which each coordinate is a root of one of its factors.
+
+    Ball arithmetic throws out what is none, with ever smaller balls till no more are left.
+    """
     for bits in (400, 1_600, 6_400):
         with ctx.workprec(bits):
-            met = [(z, f) for f, _ in factors for z, _ in f.complex_roots()]
-            if ring.roots:
-                at = [acb(1)] * ring.nvars + [acb(d).sqrt() for d in ring.roots]
-                all_at = ([*at[:last], acb(z), *at[last + 1 :]] for z, _ in met)
-                met = [m for m, x in zip(met, all_at, strict=True) if _value(poly, x).contains(0)]
-            if len(met) <= poly.degrees()[last]:
-                real = [
-                    AlgebraicValue(arb(z.real), tuple(int(c) for c in f.coeffs()))
-                    for z, f in met
-                    if z.imag == 0
+            roots = [[(acb(z), f) for f in line for z, _ in f.complex_roots()] for line in lines]
+            met = [c for c in itertools.product(*roots) if is_zero([z for z, _ in c])]
+            if len(met) <= count:
+                return [
+                    tuple(AlgebraicValue(arb(z.real), tuple(map(int, f.coeffs()))) for z, f in c)
+                    for c in met
+                    if all(z.imag == 0 for z, _ in c)
                 ]
-                return real + [AlgebraicValue(None, ())] * infinite
-    raise ArithmeticError("roots of a polynomial with square roots in it were not told apart")
+    raise NotFinite("roots were not told apart")
 
 
 def _line(terms: Mapping[Any, Any], variable: int) -> fmpz_poly:
@@ -112,14 +125,7 @@ def real_solutions(polys: Sequence[Poly], ring: Ring, time: Budget) -> list[Solu
     small = len(joints) <= _SHORT[0] and len(terms) <= _SHORT[1]
     if small and math.prod(degrees) <= _SHORT[2]:
         time = Budget(math.inf)
-    found: dict[object, Solution] = {}
-    for s in _solve(list(polys), joints, ring, time):
-        key = tuple(
-            (j, v.minimal, v.ball is None or v.ball.str(20, radius=False))
-            for j, v in sorted(s.items())
-        )
-        found.setdefault(key, s)
-    return list(found.values())
+    return _solve(list(polys), joints, ring, time)
 
 
 def _solve(polys: list[Poly], joints: list[int], ring: Ring, time: Budget) -> list[Solution]:
@@ -170,25 +176,17 @@ def _finite(polys: list[Poly], joints: list[int], ring: Ring, time: Budget) -> l
     ]
     basis = _basis([*system, *eliminants], names, time)
     count = _standard_monomials(basis, degrees)
-    for bits in (128, 512, 2_048):
-        with ctx.workprec(bits):
-            roots = [[(z, f) for f in line for z, _ in f.complex_roots()] for line in lines]
-            met = []
-            for c in itertools.product(*roots):
-                time.check()
-                values = [acb(z) for z, _ in c]
-                if all(_value(p, values).contains(0) for p in system):
-                    met.append((values, [f for _, f in c]))
-            if len(met) == count:
-                return [
-                    {
-                        j: AlgebraicValue(arb(z.real), tuple(int(k) for k in f.coeffs()))
-                        for j, z, f in zip(joints, values, fs, strict=False)
-                    }
-                    for values, fs in met
-                    if all(z.imag == 0 for z in values) and all(z.real > 0 for z in values[n:])
-                ]
-    raise NotFinite
+
+    def is_zero(values: Sequence[acb]) -> bool:
+        time.check()
+        return all(_value(p, values).contains(0) for p in system)
+
+    met = _told_apart(lines, is_zero, count)
+    return [
+        dict(zip(joints, values, strict=False))
+        for values in met
+        if all(root.ball > 0 for root in values[n:])
+    ]
 
 
 def _basis(polys: Sequence[Any], names: Sequence[str], time: Budget) -> list[Any]:

@@ -151,6 +151,10 @@ class Ring:
     time: Budget = field(default=_ENDLESS, compare=False, repr=False)
     # factors of the polynomials that were asked for before
     known: MadeOfEqual = field(default_factory=MadeOfEqual, init=False, compare=False, repr=False)
+    # polynomials of joints at values that were asked for before
+    fixed: dict[tuple[int, Value], Poly] = field(
+        default_factory=dict, init=False, compare=False, repr=False
+    )
 
     nvars: int = field(init=False, compare=False)  # number of the joints' variables
     zero: Poly = field(init=False, compare=False, repr=False)
@@ -355,10 +359,12 @@ class Ring:
 
     def fixing(self, joint: int, value: Value) -> Poly:
         """The polynomial that is zero where a joint is at an exact value, and nowhere else."""
-        x, *y = (self.context.gens()[v] for v in self.variables(joint))
-        if not y:
-            return x - self.number(value[0])
-        return x * self.number(value[1]) - y[0] * self.number(value[0])
+        if (joint, value) not in self.fixed:
+            gens = (self.context.gens()[v] for v in self.variables(joint))
+            x, y, *_ = (*gens, self.one)  # a length is one over one
+            first, second, *_ = map(self.number, (*value, 1))
+            self.fixed[joint, value] = x * second - y * first
+        return self.fixed[joint, value]
 
     def joint_value(self, poly: Poly) -> tuple[int, Value] | None:
         """The exact value that ``poly`` = 0 fixes one joint at, if it does just that."""

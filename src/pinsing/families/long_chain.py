@@ -37,7 +37,7 @@ import numpy as np
 from flint import nmod_mat, nmod_poly
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.algebra.components import Component, by_size, inside
+from pinsing.algebra.components import Component, by_size, inside, vanishing
 from pinsing.algebra.conditions import Branch
 from pinsing.algebra.generic_points import Residues
 from pinsing.algebra.jacobian_matrix import NearMinors, NotSquare
@@ -45,7 +45,7 @@ from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value, coefficients_by
 from pinsing.families.describe import PieceMaker
 from pinsing.families.zero_set import SearchBox, project, system_of
 from pinsing.kinematics.jacobian import ratios, task_jacobians
-from pinsing.measures import Array, Bool
+from pinsing.measures import Array
 from pinsing.robot.mimic import own_jacobian_modulo
 from pinsing.robot.nominal import PRIMES, Nominal
 from pinsing.robot.surd import residue
@@ -73,14 +73,17 @@ class ModularPoint:
         """Rank of some columns of the Jacobian."""
         return rank(self.rows, columns, self.residues.prime)
 
+    def full(self, columns: Sequence[int]) -> bool:
+        """Return True if some columns, as many as the rank, have it."""
+        return self.rank(columns) == len(columns)
+
     def is_zero(self, poly: Poly) -> bool:
         """Return True if a polynomial vanishes there."""
         return int(self.residues.of(poly)(*self.values)) == 0
 
     def on(self, component: Component) -> bool:
         """Return True if it lies on a component."""
-        held = itertools.starmap(self.residues.ring.fixing, component.values.items())
-        return all(map(self.is_zero, itertools.chain(held, component.relations)))
+        return all(map(self.is_zero, vanishing(component, self.residues.ring)))
 
 
 class ModularPoints:
@@ -182,39 +185,24 @@ _ON = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
-class RealPoints:
-    """Real points q (N, n), to rounding."""
+class RealPoint:
+    """A real configuration (n,), to rounding."""
 
     maker: PieceMaker
     q: Array
+    rows: Array  # task rows of the Jacobian there
 
-    def __len__(self) -> int:
-        return len(self.q)
-
-    def full(self, columns: Sequence[int]) -> Bool:
-        """At which of them (N,) some columns of the Jacobian, as many as the rank, have it."""
-        J = task_jacobians(self.maker.geometry.arm, self.q)[..., list(columns)]
-        sizes = np.linalg.svd(J, compute_uv=False)
-        return np.asarray(sizes[:, len(columns) - 1] / np.maximum(sizes[:, 0], 1e-300) >= 1e-5)
+    def full(self, columns: Sequence[int]) -> bool:
+        """Return True if some columns, as many as the rank, have it."""
+        sizes = np.linalg.svd(self.rows[:, list(columns)], compute_uv=False)
+        return bool(sizes[len(columns) - 1] >= 1e-5 * max(sizes[0], 1e-300))
 
     def on(self, component: Component) -> bool:
-        """Return True if all lie on a component."""
-        return bool((self.maker.off(self.q, component.values, component.relations) < _ON).all())
+        """Return True if it lies on a component."""
+        return bool(self.maker.off(self.q[None], component.values, component.relations)[0] < _ON)
 
 
-class PrimePoints(list[ModularPoint]):
-    """Points modulo primes, exactly."""
-
-    def full(self, columns: Sequence[int]) -> Bool:
-        """See ``RealPoints``."""
-        return np.array([p.rank(columns) == len(columns) for p in self], dtype=bool)
-
-    def on(self, component: Component) -> bool:
-        """See ``RealPoints``."""
-        return all(p.on(component) for p in self)
-
-
-MetPoints: TypeAlias = RealPoints | PrimePoints
+MetPoints: TypeAlias = Sequence[ModularPoint] | Sequence[RealPoint]
 
 
 def rank(J: Columns, columns: Sequence[int], prime: int = PRIMES[0]) -> int:
@@ -239,7 +227,8 @@ def cutting(
     n, width = len(J[0]), minors.rank + 1
     windows = [range(first, first + width) for first in range(n - width + 1)]
     near = [tuple(j for j in w if j != skipped) for w in windows for skipped in w]
-    choices = [(some, regular.full(some)) for some in near if rank(J, some) == minors.rank]
+    useful = [some for some in near if rank(J, some) == minors.rank]
+    choices = [(some, np.array([p.full(some) for p in regular])) for some in useful]
     left = np.ones(len(regular), dtype=bool)
     chosen: list[Poly] = []
     while left.any() and choices and len(chosen) < most:
@@ -354,8 +343,10 @@ class LongChain:
         self.open_ends["too_long"] += len(self._later)
         for c, points in sorted(self._found, key=lambda found: by_size(found[0])):
             # Larger ones first, without what lies in them.
-            known = self.components
-            if not any(inside(c, k, ring) or (len(points) and points.on(k)) for k in known):
+            if not any(
+                inside(c, k, ring) or (points and all(p.on(k) for p in points))
+                for k in self.components
+            ):
                 self.components.append(c)
 
     @contextmanager
@@ -422,7 +413,7 @@ class LongChain:
         """All sets at a place that the equations of neighbours tell."""
         J = self._columns(place)
         if rank(J, range(self.n)) < self.rank:
-            self._add(place, (), len(place), PrimePoints())
+            self._add(place, (), len(place), ())
             return
         start = max(0, (self.n - self.rank + 1) // 2)
         outward = (*range(start, self.n), *range(start - 1, -1, -1))
@@ -508,7 +499,7 @@ class LongChain:
         if not points:
             self._later.append((place, relations))
             return
-        singular, regular = PrimePoints(), PrimePoints()
+        singular, regular = list[ModularPoint](), list[ModularPoint]()
         for point in points:
             if all(map(point.is_zero, more)):
                 (singular if point.rank(range(self.n)) < self.rank else regular).append(point)
@@ -527,7 +518,8 @@ class LongChain:
         points = np.concatenate(
             [self.maker.find(branch, _POINTS, rounds=3), self.maker.thrown(branch, _POINTS)]
         )
-        ratio = ratios(self.geometry.arm, points)
+        arm = self.geometry.arm
+        ratio = ratios(arm, points)
         # sigma_r / sigma_1 of points on a set that are singular, or not; between, they do not
         # count.
         singular, regular = points[ratio <= 1e-8], points[ratio >= 1e-5]
@@ -540,8 +532,11 @@ class LongChain:
             # Singular points at which the size of a set is asked.
             some = singular[:: max(1, len(singular) // 10)]
             singular = some[[self.n - freedom(branch, q) <= codimension for q in some]]
-        met = RealPoints(self.maker, singular), RealPoints(self.maker, regular)
-        self._told(place, relations, more, *met, rounds)
+        met = [
+            [RealPoint(self.maker, *at) for at in zip(q, task_jacobians(arm, q), strict=True)]
+            for q in (singular, regular)
+        ]
+        self._told(place, relations, more, met[0], met[1], rounds)
 
     def _told(
         self,
@@ -555,13 +550,13 @@ class LongChain:
         """Go on with what points of equations, and of more of them, tell."""
         every = tuple(sorted((*relations, *more), key=len))
         codimension = len(place) + len(relations)
-        if len(regular) and codimension < self.limit and not more:
+        if regular and codimension < self.limit and not more:
             # What else is singular there is smaller, and lies where one minor more is zero.
             minors = cutting(self._minors, self._columns(place), place, regular, 1)
             self.open_ends["uncut"] += not minors
             for f in self.ring.factors(minors[0], self.time) if minors else ():
                 self._where(place, [f], lambda fs: self._judge(place, (*relations, *fs)))
-        if len(singular) and len(regular):
+        if singular and regular:
             # Parts of one size, which some minors more tell apart, unless these are long.
             # Times that regular parts are told apart by some equations more.
             told = self._telling(place, every, regular) if rounds < 2 else ()
@@ -578,7 +573,7 @@ class LongChain:
                         lambda fs: self._judge(place, relations, (*more, *fs), rounds + 1),
                     )
                 return
-        if len(singular):
+        if singular:
             self._add(place, every, codimension, singular)
 
     def _where(

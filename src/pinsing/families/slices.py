@@ -45,6 +45,7 @@ from pinsing.algebra.components import (
     merged,
     on_any,
     settled,
+    vanishing,
 )
 from pinsing.algebra.conditions import Branch
 from pinsing.algebra.generic_points import Residues, Undecided, slice_points
@@ -266,8 +267,7 @@ class ModularSet:
 
     def __init__(self, component: Component, ring: Ring, prime: int) -> None:
         self.p = prime
-        fixed = [ring.fixing(j, value) for j, value in component.values.items()]
-        self.relations = [_residues(r, ring, prime) for r in (*fixed, *component.relations)]
+        self.relations = [_residues(r, ring, prime) for r in vanishing(component, ring)]
         joints = [j for j in range(len(ring.prismatic)) for _ in ring.variables(j)]
         self.variables = np.array([(v - ring.start[j], j) for v, j in enumerate(joints)]).T
         # Powers of a generator, and which of them each number is: products become sums, negative
@@ -310,10 +310,6 @@ def joints_that_matter(geometry: Nominal, task: Task) -> tuple[int, ...]:
     draw = random.Random(SECOND_SEED)
     n, prime = len(geometry.prismatic), PRIMES[0]
 
-    def drawn(j: int) -> tuple[Fraction, ...]:
-        first = Fraction(draw.randrange(1, prime))
-        return (first,) if geometry.prismatic[j] else (Fraction(1), first)
-
     mixing = nmod_mat(n, len(task.rows), [draw.randrange(prime) for _ in task.rows * n], prime)
 
     def volume(values: Mapping[int, Sequence[Fraction]]) -> int:
@@ -326,9 +322,12 @@ def joints_that_matter(geometry: Nominal, task: Task) -> tuple[int, ...]:
     matter = set[int]()
     # Random configurations at which a joint is moved, to see whether that matters to the rank.
     for _ in range(3):
-        at = {j: drawn(j) for j in range(n)}
+        values = (Fraction(draw.randrange(1, prime)) for _ in range(n))
+        both = zip(values, geometry.prismatic, strict=True)
+        at = {j: (x,) if slides else (Fraction(1), x) for j, (x, slides) in enumerate(both)}
         here = volume(at)
-        matter |= {j for j in range(n) if volume({**at, j: drawn(j)}) != here}
+        # What has no value is drawn.
+        matter |= {j for j in at if volume({k: v for k, v in at.items() if k != j}) != here}
     return tuple(sorted(matter))
 
 
