@@ -70,8 +70,8 @@ class FoundComponents:
 
     def __init__(self, ring: Ring, tell: Callable[[Component], None]) -> None:
         self.ring, self._tell = ring, tell
-        self.all: list[Component] = []  # the redundant ones too
-        self._points: list[Sequence[SlicePoint]] = []  # generic ones of all parts of systems
+        # the redundant ones too, with generic points of all parts of systems
+        self._all: list[tuple[Component, Sequence[SlicePoint]]] = []
         self._passed: list[Component] = []
         self._held: list[tuple[SlicePoint, Component]] = []
 
@@ -91,9 +91,13 @@ class FoundComponents:
             codimension = len(values) + len(relations)
         ordered = tuple(sorted(relations, key=len))
         found = Component(dict(values), ordered, proven, codimension)
-        self.all.append(found)
-        self._points.append(points)
+        self._all.append((found, points))
         self._tell(found)
+
+    @property
+    def all(self) -> list[Component]:
+        """All that were taken in, the redundant ones too."""
+        return [c for c, _ in self._all]
 
     def covers(self, values: Mapping[int, Value], relations: tuple[Poly, ...] = ()) -> bool:
         """Return True if a set is part of a component, as far as substitution and division tell."""
@@ -119,8 +123,7 @@ class FoundComponents:
         # Only what is kept in the end justifies that another one is dropped.
         kept: list[Component] = []
         out: list[Component] = []
-        found = zip(self.all, self._points, strict=True)
-        for c, points in sorted(found, key=lambda f: by_size(f[0])):
+        for c, points in sorted(self._all, key=lambda f: by_size(f[0])):
             if any(inside(c, k, self.ring) for k in kept):
                 continue
             own = [s for s in points if not on_any(kept, s)]
@@ -153,9 +156,7 @@ class FoundComponents:
     def _unaccounted(self, kept: Sequence[Component]) -> Component | None:
         """Something that was found, or passed over as a part of it, and is in none of these."""
         apart = (
-            c
-            for c, points in zip(self.all, self._points, strict=True)
-            if not (points and all(on_any(kept, s) for s in points))
+            c for c, points in self._all if not (points and all(on_any(kept, s) for s in points))
         )
         for c in itertools.chain(apart, self._passed):
             if not any(inside(c, k, self.ring) for k in kept):

@@ -388,10 +388,7 @@ def zeros_along(conditions: Conditions, pieces: Array) -> Zeros:
 
 def place(pieces: Array, index: Ints, s: Array) -> Array:
     """Joint values (K, n) at s (K,) of the pieces of some indices (K,)."""
-    out = np.zeros((len(s), pieces.shape[2]))
-    for k in range(pieces.shape[1] - 1, -1, -1):
-        out = out * s[:, None] + pieces[index, k]
-    return out
+    return _polynomial(pieces[index], s, np.zeros(len(s)))[0]
 
 
 def _zeros(f: TrigSum, e: int, pieces: Array, ends: Array) -> Array:
@@ -771,31 +768,19 @@ def _nearest_by_boxes(
 ) -> tuple[float, float, int, Array, int]:
     """Lower and upper bound of the distance of x (n,), family and point found, and boxes."""
     # Limits are (families, 2, n), in weighted coordinates.
-    lower, upper, family, point = np.inf, np.inf, -1, x
-    looked = 0
-    slack = 1e-15 * (1 + float(np.abs(x).max(initial=0.0)) + 2 * np.pi) * (c.n + 1)
+    lower, upper, family, point, looked = np.inf, np.inf, -1, x, 0
     starts = []
     for k, b in enumerate(c.branches):
         target = _put(c, b, x, limits[b.family], options.within_limits)
         if target is not None:
             starts.append((float(c.size(target - x)), k, target))
-    for fixed, k, target in sorted(starts, key=lambda s: s[:2]):
-        branch, part = c.branches[k], max(fixed - slack, 0.0)
-        if fixed >= upper:
-            lower = min(lower, part)
-        elif not branch.sums:
-            lower, upper, family, point = min(lower, part), fixed, branch.family, target
-        else:
-            left = float(np.sqrt(max(upper**2 - fixed**2, 0.0)))
-            room = left if np.isfinite(upper) and c.norm != "max" else upper
-            boxes = _Boxes(c, branch, x, limits[branch.family], far, options, room)
-            looked += boxes.run((options.boxes or BOXES) - looked)
-            if boxes.point is not None:
-                upper = min(upper, float(c.joined(np.array(fixed), np.array(boxes.best))))
-                family, point = branch.family, np.where(boxes.used, boxes.point, target)
-            if np.isfinite(boxes.proven):
-                whole = float(c.joined(np.array(part), np.array(boxes.proven)))
-                lower = min(lower, max(whole * (1 - 4e-15), 0.0))
+    for _, k, target in sorted(starts, key=lambda s: s[:2]):
+        branch = c.branches[k]
+        boxes = _Boxes(c, branch, x, target, limits[branch.family], far, options, upper)
+        looked += boxes.run((options.boxes or BOXES) - looked)
+        if boxes.point is not None:
+            upper, family, point = boxes.best, branch.family, boxes.point
+        lower = min(lower, boxes.proven)
     return min(lower, upper), upper, family, point, looked
 
 
@@ -816,36 +801,44 @@ def _put(
 
 
 class _Boxes:
-    """The sums of one branch, and the boxes that may hold a common zero nearer than the best."""
+    """The sums of one branch, and the boxes that may hold a common zero nearer than the best.
+
+    Joints that are in no sum are where the branch has them, nearest to x: at a ``target`` (n,).
+    """
 
     def __init__(
         self,
         c: Conditions,
         branch: WeightedBranch,
         x: Array,
+        target: Array,
         limits: Array,
         far: float,
         options: SearchOptions,
-        room: float,
+        best: float,
     ) -> None:
         self.c, self.sums, self.x, self.gap = c, branch.sums, x, options.gap
-        self.best, self.point, self.proven = room, None, np.inf
+        self.best, self.point, self.proven = best, None, np.inf
         self.used = used = branch.used(c.n)
+        slack = 1e-15 * (1 + float(np.abs(x).max(initial=0.0)) + 2 * np.pi) * (c.n + 1)
+        self.fixed = c.size((target - x)[~used])
+        self.at_least = np.maximum(self.fixed - slack, 0.0)
         below, above = used & options.within_limits & np.isfinite(limits)
         reach = np.where(c.turn > 0, c.turn / 2, far)
         low, high = np.where(below, limits[0], x - reach), np.where(above, limits[1], x + reach)
         high = np.where(below & ~above, np.maximum(x, low) + 2 * reach, high)
         low = np.where(above & ~below, np.minimum(x, high) - 2 * reach, low)
-        self.low, self.high = np.where(used, low, x), np.where(used, high, x)
+        self.low, self.high = np.where(used, low, target), np.where(used, high, target)
         endless = bool((used & (c.turn == 0) & ~(below & above)).any())
         self.beyond = far if endless else np.inf
 
     def run(self, most: int) -> int:
         """Halve boxes, the nearest first, until the bounds are within the gap; return how many."""
         looked = 0
-        self._attempt(np.clip(self.x, self.low, self.high)[None])
-        low = np.maximum(self.low, np.where(self.used, self.x - self.best, self.x))
-        high = np.minimum(self.high, np.where(self.used, self.x + self.best, self.x))
+        if self.fixed < self.best:
+            self._attempt(np.clip(self.x, self.low, self.high)[None])
+        low = np.where(self.used, np.maximum(self.low, self.x - self.best), self.low)
+        high = np.where(self.used, np.minimum(self.high, self.x + self.best), self.high)
         centers, halves = ((low + high) / 2)[None], ((high - low) / 2 * (1 + 1e-15))[None]
         bounds = self._bound(centers, halves) if (low <= high).all() else np.array([np.inf])
         while True:
@@ -885,7 +878,7 @@ class _Boxes:
             rest = (np.abs(m) * (np.stack(rests, axis=1) + 1e-15 * np.abs(value))).sum(axis=1)
             g, value = (m[..., None] * g).sum(axis=1), (m * value).sum(axis=1)
             out = np.maximum(out, self._slab(centers, halves, value, g, rest))
-        return out
+        return self.c.joined(self.at_least, out) * (1 - 4e-15)
 
     def _slab(self, centers: Array, halves: Array, value: Array, g: Array, rest: Array) -> Array:
         """Distance (N,) to {|value + g (y - center)| <= rest}; infinite where no box meets it."""
@@ -916,8 +909,8 @@ class _Boxes:
             x = x + step * np.minimum(1.0, 0.6 / np.maximum(size, TINY))
             x = np.clip(x, self.low, self.high)
         residual, _ = self._system(x)
-        off = self.c.size((x - self.x)[:, self.used])
-        off = np.where(np.abs(residual).max(axis=1) <= 1e-12, off, np.inf)
+        off = self.c.joined(self.fixed, self.c.size((x - self.x)[:, self.used]))
+        off = np.where(np.abs(residual).max(axis=1, initial=0.0) <= 1e-12, off, np.inf)
         k = int(np.argmin(off))
         if off[k] < self.best:
             self.best, self.point = float(off[k]), x[k]
@@ -926,6 +919,8 @@ class _Boxes:
         """Residuals (N, k) and slopes (N, k, n) at x (N, n), each over the size of its sum."""
         size = [float(s.amplitude.sum()) * max(1.0, s.noise * 1e13) for s in self.sums]
         at = [s.at(x) for s in self.sums]
-        values = np.stack([a.value / u for a, u in zip(at, size, strict=True)], axis=1)
-        slopes = np.stack([a.gradient / u for a, u in zip(at, size, strict=True)], axis=1)
-        return values, slopes * self.used
+        values = [a.value / u for a, u in zip(at, size, strict=True)]
+        slopes = [a.gradient / u for a, u in zip(at, size, strict=True)]
+        shape = len(self.sums), *x.shape
+        every = np.reshape(values, shape[:2]).T, np.reshape(slopes, shape).swapaxes(0, 1)
+        return every[0], every[1] * self.used

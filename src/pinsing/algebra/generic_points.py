@@ -356,15 +356,15 @@ class RandomSlice:
         self._turns = [(random_residue(rng, prime), random_residue(rng, prime)) for _ in chosen]
         self.images: list[Any] = []  # all variables of the ring on the slice
         self._known = MadeOnce()
-        for j in range(len(residues.ring.prismatic)):
+        ring = residues.ring
+        for j in range(len(ring.prismatic)):
             if j in chosen:
                 i = chosen.index(j)
                 self.images += self.coordinates(i, self.context.gens()[i])
                 continue
-            known = values.get(j)
-            for k in range(len(residues.ring.variables(j))):
-                x = residue(known[k], prime) if known else random_residue(rng, prime)
-                self.images.append(self.context.constant(x))
+            drawn = (random_residue(rng, prime) for _ in ring.variables(j))
+            known = (residue(x, prime) for x in values.get(j, ()))
+            self.images += map(self.context.constant, known if j in values else drawn)
 
     def of(self, poly: Poly) -> Any:
         """A polynomial on the slice."""
@@ -445,18 +445,16 @@ def slice_points(
     ``slices`` that were used before are again where they fit. Undecided if the points of a slice
     cannot be told apart, whatever the slice.
     """
-    ring = residues.ring
-    having = [set(ring.joints_of(p)) for p in polys]
+    slices = {} if slices is None else slices
+    having = [set(residues.ring.joints_of(p)) for p in polys]
     for chosen in itertools.combinations(sorted(set().union(*having)), count or len(polys)):
         if not all(joints.intersection(chosen) for joints in having):
             continue  # one of them is a constant on this slice
         key = (chosen, *sorted(values.items()))
         for attempt in range(_ATTEMPTS if patient else 1):
-            slice_ = None if slices is None or attempt else slices.get(key)
-            if slice_ is None:
-                slice_ = RandomSlice(chosen, residues, rng, values)
-                if slices is not None:
-                    slices[key] = slice_
+            if attempt or key not in slices:
+                slices[key] = RandomSlice(chosen, residues, rng, values)
+            slice_ = slices[key]
             on_slice = [slice_.of(f) for f in polys]
             try:
                 found = zeros(on_slice, range(len(chosen)), slice_.circles, rng, check, patient)

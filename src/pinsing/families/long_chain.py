@@ -496,14 +496,10 @@ class LongChain:
         if points is None and more:
             self._judge_real(place, relations, more, rounds)
             return
-        if not points:
-            self._later.append((place, relations))
-            return
-        singular, regular = list[ModularPoint](), list[ModularPoint]()
-        for point in points:
-            if all(map(point.is_zero, more)):
-                (singular if point.rank(range(self.n)) < self.rank else regular).append(point)
-        if not more and not singular:
+        met = [p for p in points or () if all(map(p.is_zero, more))]
+        regular = [p for p in met if p.rank(range(self.n)) == self.rank]
+        singular = [p for p in met if p not in regular]
+        if not points or not (more or singular):
             self._later.append((place, relations))
         self._told(place, relations, more, singular, regular, rounds)
 
