@@ -319,16 +319,10 @@ def _expanded(relations: Sequence[Poly], points: Sequence[SlicePoint], ring: Rin
     """Coefficients with respect to all joints that no part of the points depends on."""
     polys = list(relations)
     for j in sorted({j for p in polys for j in ring.joints_of(p)}):
-        variables, parts = ring.variables(j), list[Poly]()
-        for p in polys:
-            free = not any(p.degrees()[v] for v in variables)
-            mine = [p] if free else list(coefficients_by(p, variables).values())
-            mine = [ring.strip(c) for c in mine]
-            parts += mine
-            # Equations after which expanding is given up.
-            if len(parts) > 60 or not all(s.is_zero(c) for c in mine for s in points):
-                break
-        else:
+        coefficients = (c for p in polys for c in coefficients_by(p, ring.variables(j)).values())
+        parts = list(map(ring.strip, coefficients))
+        # Equations after which expanding is given up.
+        if len(parts) <= 60 and all(s.is_zero(c) for c in parts for s in points):
             polys = parts
     return polys
 

@@ -269,31 +269,29 @@ class ModularSet:
         self.p = prime
         self.relations = [_residues(r, ring, prime) for r in vanishing(component, ring)]
         joints = [j for j in range(len(ring.prismatic)) for _ in ring.variables(j)]
-        self.variables = np.array([(v - ring.start[j], j) for v, j in enumerate(joints)]).T
-        # Powers of a generator, and which of them each number is: products become sums, negative
-        # with zero.
-        of_each = ([pow(g, k, prime) for k in range(prime - 1)] for g in range(2, prime))
-        self._powers = next(found for found in of_each if len(set(found)) == len(found))
-        self._logarithm = np.full(prime, -1e5, dtype=np.float32)
-        self._logarithm[self._powers] = range(prime - 1)
+        self.variables = [(v - ring.start[j], j) for v, j in enumerate(joints)]
+        most = max((int(exponents.max()) for exponents, _ in self.relations), default=0)
+        powers = [[pow(x, k, prime) for x in range(prime)] for k in range(most + 1)]
+        self._powers = np.array(powers, dtype=np.int16)
 
     def holds(self, points: Ints) -> Bool:
         """Return which of some points (2, n, N) lie on it."""
         on = np.ones(points.shape[2], dtype=bool)
         for exponents, factors in self.relations:
-            left, occur = np.flatnonzero(on), exponents.any(axis=0)
-            exponents, (side, joint) = exponents[:, occur], self.variables[:, occur]
+            left = np.flatnonzero(on)
             # Terms at points that are computed at once.
             step = max(1, 2_000_000 // len(factors))
             for some in (left[first : first + step] for first in range(0, len(left), step)):
-                sums = exponents @ self._logarithm[points[side[:, None], joint[:, None], some]]
-                index = np.maximum(sums, -1).astype(np.int32)
-                powers = np.resize(np.array(self._powers, dtype=float), index.max() + 1)
-                on[some] = factors @ np.append(powers, 0.0)[index] % self.p == 0
+                terms = np.repeat(factors[:, None], len(some), axis=1)
+                for v in np.flatnonzero(exponents.any(axis=0)):
+                    side, joint = self.variables[v]
+                    powers = self._powers[exponents[:, v]][:, points[side, joint, some]]
+                    terms = terms * powers % np.int16(self.p)
+                on[some] = terms.sum(axis=0) % self.p == 0
         return on
 
 
-def _residues(poly: Poly, ring: Ring, prime: int) -> tuple[NDArray[np.float32], Array]:
+def _residues(poly: Poly, ring: Ring, prime: int) -> tuple[Ints, NDArray[np.int16]]:
     """Return exponents (K, V) of a polynomial's terms, and coefficients (K,) modulo a prime."""
     # Not all are multiples of the prime. If square roots make all zero nevertheless, it counts as
     # nowhere zero: points are left over rather than taken in.
@@ -301,7 +299,8 @@ def _residues(poly: Poly, ring: Ring, prime: int) -> tuple[NDArray[np.float32], 
     common = math.gcd(*terms.values())
     plain = ring.context.from_dict({m: c // common for m, c in terms.items()})
     found = terms_of(image(plain, ring, prime)) or {(0,) * ring.nvars: 1}
-    return np.array([*found], dtype=np.float32), np.array([*map(int, found.values())], dtype=float)
+    exponents = np.array([*found], dtype=np.int64)
+    return exponents, np.array([*map(int, found.values())], dtype=np.int16)
 
 
 def joints_that_matter(geometry: Nominal, task: Task) -> tuple[int, ...]:

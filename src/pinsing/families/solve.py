@@ -107,34 +107,32 @@ def planar_chain(
     or on the tip.
     """
     prismatic, n = geometry.prismatic, len(geometry.prismatic)
-    # Axes, points on them with the tip's as the last, and which of them turn, at the ring's zero.
+    turning = [j for j in range(n) if not prismatic[j]]
+    if not turning:
+        return None
+    # Axes, and points on them with the tip's as the last, at the ring's zero.
     turn, at = _EYE, _EYE[0] * 0
-    axes, places, turning = list[Vector](), list[Vector](), list[int]()
-    for j, (rotation, shift) in enumerate(
-        zip(geometry.rotation, geometry.translation, strict=True)
-    ):
+    axes, places = list[Vector](), list[Vector]()
+    for rotation, shift in zip(geometry.rotation, geometry.translation, strict=True):
         at = at + turn @ np.array(shift)
         turn = turn @ np.array(rotation)
         places.append(at)
         axes.append(turn[:, 2])
-        if j < n and not prismatic[j]:
-            turning.append(j)
-            if _apart(axes[j], axes[turning[0]]):
-                return None
-    if not turning:
-        return None
     normal = axes[turning[0]]
-    if any(axes[j] @ normal for j, slides in enumerate(prismatic) if slides):
+    if any(axes[j] @ normal if prismatic[j] else _apart(axes[j], normal) for j in range(n)):
         return None
     # Of the rows: directions of the plane at right angles to theirs, fixed on the base or the tip.
-    tip, turns = turn @ np.array(geometry.tip_rotation), False
-    across: list[tuple[bool, Vector]] = []
-    for row, at_tip in zip(task.rows, task.tip_rows, strict=True):
-        axis = tip[:, row % 3] if at_tip else _EYE[row % 3]
-        if row >= 3:
-            turns = turns or axis @ normal != 0
-        elif _apart(normal, axis):
-            across.append((at_tip, np.cross(normal, axis)))
+    tip = turn @ np.array(geometry.tip_rotation)
+    rows = [
+        (row < 3, at_tip, tip[:, row % 3] if at_tip else _EYE[row % 3])
+        for row, at_tip in zip(task.rows, task.tip_rows, strict=True)
+    ]
+    turns = any(axis @ normal for shifts, _, axis in rows if not shifts)
+    across = [
+        (at_tip, np.cross(normal, axis))
+        for shifts, at_tip, axis in rows
+        if shifts and _apart(normal, axis)
+    ]
     if len({at_tip for at_tip, _ in across}) != 1:
         return None
     at_tip, aside = across[0]
@@ -682,11 +680,9 @@ def _design(
     # With the readers of files, only where symbols are asked for.
     from pinsing.families.design import design_form, of_arm
 
-    chosen: Sequence[str] | None = None
     if isinstance(symbols, str):
-        chosen = None if symbols.strip() == "all" else symbols.split(",")
-    elif not isinstance(symbols, bool):
-        chosen = tuple(symbols)
+        symbols = symbols.strip() == "all" or symbols.split(",")
+    chosen = None if isinstance(symbols, bool) else tuple(symbols)
     loaded = arm if isinstance(arm, Arm) else load(arm)
     OptionError.refuse_if(
         loaded.coupling is not None, "lengths stay symbols in chains without mimic joints"
