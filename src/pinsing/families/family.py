@@ -637,11 +637,11 @@ class Family(JsonResult):
         return self.lower - self.limit_tolerance, self.upper + self.limit_tolerance
 
     def _require_own(self) -> None:
-        if self.also_regular and self.confirm is None:
-            raise ResultError(
-                f"family {self.name}: its equations may hold at regular configurations too, and "
-                "which are singular only the arm tells: make the form again with closed_form(arm)"
-            )
+        ResultError.refuse_if(
+            self.also_regular and self.confirm is None,
+            f"family {self.name}: its equations may hold at regular configurations too, and "
+            "which are singular only the arm tells: make the form again with closed_form(arm)",
+        )
 
     def _check(self, q: ArrayLike) -> Array:
         if self.arm is not None:

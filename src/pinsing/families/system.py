@@ -194,13 +194,13 @@ _WHICH = "k"
 
 def language_of(path: Path) -> str:
     """The language that the suffix of a file's name stands for."""
-    if (found := SUFFIXES.get(path.suffix.lower())) is None:
-        given = f"ends in {path.suffix!r}" if path.suffix else "has no suffix"
-        raise OptionError(
-            f"{visible(str(path))}: the name {given}; take .sing for Singular, .ms for "
-            "msolve, .mpl for Maple or .sage for Sage"
-        )
-    return found
+    given = f"ends in {path.suffix!r}" if path.suffix else "has no suffix"
+    OptionError.refuse_if(
+        path.suffix.lower() not in SUFFIXES,
+        f"{visible(str(path))}: the name {given}; take .sing for Singular, .ms for "
+        "msolve, .mpl for Maple or .sage for Sage",
+    )
+    return SUFFIXES[path.suffix.lower()]
 
 
 def system_text(

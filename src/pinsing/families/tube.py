@@ -42,6 +42,7 @@ from pinsing.algebra.conditions import (
     two_sided,
 )
 from pinsing.algebra.trig_sum import TINY, TrigSum
+from pinsing.errors import Refusal
 from pinsing.families.family import Family
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.refine import approach
@@ -269,7 +270,7 @@ class Equations:
         return np.asarray(x[size[:, 0] < 1e-9])
 
 
-class Unproven(Exception):
+class Unproven(Refusal):
     """There is no proof: why, in words."""
 
 
@@ -278,27 +279,34 @@ def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Equations:
     rows, n = robot.task.rows, robot.n
     pose = robot.task.name == "pose"
     redundant = pose and n == 7
-    if len(rows) != n and not redundant:
-        raise Unproven(f"{n} joints have no determinant for the {len(rows)} rows of the task")
-    if robot.prismatic.any() or robot.task.at_tip:
-        raise Unproven("a joint is prismatic, or rows of the task are in the tip's axes")
+    Unproven.refuse_if(
+        len(rows) != n and not redundant,
+        f"{n} joints have no determinant for the {len(rows)} rows of the task",
+    )
+    Unproven.refuse_if(
+        robot.prismatic.any() or robot.task.at_tip,
+        "a joint is prismatic, or rows of the task are in the tip's axes",
+    )
     joints = tuple(range(1, n - 1) if pose else range(n))
-    if not engine.available():
-        raise Unproven(str(engine.unavailable_reason()))
+    Unproven.refuse_if(not engine.available(), str(engine.unavailable_reason()))
     branches = [(k, b) for k, f in enumerate(families) for b in f.branches]
     factors = [f for i, (k, b) in enumerate(branches) for f in _factors(k, i, b, joints, n)]
     ranges = np.tile(_CIRCLE, (len(joints), 1))
     conditions = Conditions.of([f.branches for f in families], robot.prismatic, np.ones(n))
     if redundant:
-        if len(factors) > 54 or max(len(f.sum.used) for f in factors) > 4:
-            raise Unproven("the design has too many conditions, or one of five joints")
+        Unproven.refuse_if(
+            len(factors) > 54 or max(len(f.sum.used) for f in factors) > 4,
+            "the design has too many conditions, or one of five joints",
+        )
         none = TrigSum([0.0], [0.0], np.zeros((1, 5)), np.zeros((1, 5)), 0.0)
         sums = (none, none, none, *_minors(robot, joints))
         return Equations(joints, tuple(factors), ranges, conditions, sums, robot)
-    if len(factors) > len(branches):
-        raise Unproven("a family is of several conditions, which separate nothing")
-    if len(joints) > (4 if pose else 3):
-        raise Unproven(f"the determinant depends on {len(joints)} joints")
+    Unproven.refuse_if(
+        len(factors) > len(branches), "a family is of several conditions, which separate nothing"
+    )
+    Unproven.refuse_if(
+        len(joints) > (4 if pose else 3), f"the determinant depends on {len(joints)} joints"
+    )
     size, degree = float(np.linalg.norm(flatten(design).t, axis=1).sum()), 2 if pose else n
     grid = _TorusGrid(len(joints), 2 * degree + 1)
     rng = np.random.default_rng(1)
@@ -318,16 +326,18 @@ def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Equations:
     # P has to be a trigonometric polynomial that the grid is fine enough for.
     twice = 2 * np.abs(h.rate).max(axis=0)
     twice += sum(f.power * 2 * np.abs(f.sum.rate).max(axis=0) for f in factors)
-    if (np.rint(twice).astype(int) % 2).any() or (twice > 2 * degree + 1e-9).any():
-        raise Unproven("the determinant of the design has other factors than the families")
+    Unproven.refuse_if(
+        (np.rint(twice).astype(int) % 2).any() or (twice > 2 * degree + 1e-9).any(),
+        "the determinant of the design has other factors than the families",
+    )
     at = h.at(Q)
     off = np.abs(at.value) * spread + at.error * (np.abs(P) + spread)
     D, error = _determinants(robot, Q, joints, size)
     rest = grid.sum(D - at.value * P, start, float(error + off.max()))
-    if rest.amplitude.sum() > np.abs(D).max() / 2:
-        raise Unproven(
-            "the design differs too much from the robot, or has its joint zeros elsewhere"
-        )
+    Unproven.refuse_if(
+        rest.amplitude.sum() > np.abs(D).max() / 2,
+        "the design differs too much from the robot, or has its joint zeros elsewhere",
+    )
     plain = grid.sum(at.value * P, start, float(off.max()))
     return Equations(joints, tuple(factors), ranges, conditions, (plain, rest, h))
 
@@ -342,8 +352,9 @@ def _factors(
         made = TrigSum(s.amplitude, s.phase, rate, power, s.noise)
         out.append(Factor(family, made, k >= len(branch.equations), index))
     used = np.concatenate([f.sum.used for f in out])
-    if len(set(used)) < len(used):
-        raise Unproven(f"two conditions of F{family + 1} are of one joint")
+    Unproven.refuse_if(
+        len(set(used)) < len(used), f"two conditions of F{family + 1} are of one joint"
+    )
     # Values are bounded fastest.
     return out[::-1]
 
