@@ -10,8 +10,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (35_048, 30_000),
-    "Python in src: lines": (67_640, 56_000),
+    "Python in src: statements": (34_977, 30_000),
+    "Python in src: lines": (67_593, 56_000),
     "C++, JavaScript, templates, styles: lines": (11_004, 9_500),
     "modules": (137, 220),
     "packages directly under pinsing": (15, 16),
