@@ -29,14 +29,12 @@ from singular_sets import (
 from tiers import tiered, tiered_rows
 
 from pinsing.algebra.components import Component
-from pinsing.description.catalog import data_folder
 from pinsing.families import ClosedForm, closed_form, prove
 from pinsing.families.family import latex_lines
 from pinsing.families.form import coverage_words, families_text
 from pinsing.families.solve import STEPS, ComponentSearch, all_minors
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
-from pinsing.sampling.analyze import analyze
 
 PI, R = np.pi, RIGHT
 ELBOW = ["q3 = 0° or 180°", "q5 = 0° or 180°"]
@@ -358,23 +356,6 @@ def test_nine_joints_end_in_time_and_say_what_stopped_them():
     form = closed_form(load("alex_nub_hands", tip=NINE["alex_nub_hands"]), seconds=0.3)
     assert not form.complete
     assert any("budget of" in g or "told apart" in g for g in form.gaps)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("file", "tip", "base"),
-    [
-        # Most of an equation cancels at a joint's irrational value: its rounding is no residual.
-        ("talos_data/robots/talos_reduced.urdf", "gripper_left_motor_double_link", "torso_2_link"),
-        # sigma_r is below the tolerance 1e-3 away from where it is zero.
-        ("romeo_description/urdf/romeo_laas_small.urdf", "RWristPitchSphereCollision_shape", None),
-    ],
-)
-def test_what_a_search_finds_close_to_a_family_is_on_it(file, tip, base):
-    result = analyze(load(data_folder() / file, tip=tip, base=base), seconds=240)
-    assert result.complete
-    assert result.agree, result.problems
-    assert result.random_search.singular > 250
 
 
 CARRIERS = {

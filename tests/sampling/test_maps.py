@@ -338,16 +338,25 @@ def test_workers_that_die_or_have_not_the_instruction_set_say_so(monkeypatch) ->
         fixed_engine(arms.ur5(), work.engine)
 
 
+# By how many MiB, and a small and a large run: one number of each of the latter takes 76 MiB.
+GROWS = {
+    "sigma_map(arm, count={}, threads=2)": (40, [10**4], [10**7]),
+    "run_sweep(arm, plan_sweep(arm, special={}, samples={}), threads=2, keep=False)": (
+        60, ["[0.0], levels=[1]", 101], ["radians(range(-180, 180, 15)), levels=[2]", 2401],
+    ),
+}  # fmt: skip
+
+
 @pytest.mark.slow
-def test_memory_does_not_grow_with_the_map() -> None:
-    code = (
-        "import pinsing\n"
-        "arm = pinsing.load('panda')\n"
-        "assert pinsing.sampling.sigma_map(arm, count={}, threads=2).complete\n"
-    )
-    small, large = (and_peak(code.format(count))[1] for count in (10**4, 10**7))
-    # All sigma_r of 10**7 configurations alone would be 76 MiB.
-    assert large - small < 40
+@pytest.mark.parametrize("run", GROWS)
+def test_memory_does_not_grow_with_a_run(run: str) -> None:
+    code = "from numpy import radians\nfrom pinsing import load\n"
+    code += "from pinsing.sampling.sweeps import plan_sweep, run_sweep\n"
+    code += "from pinsing.sampling import sigma_map\narm = load('panda')\nprint({}.done)\n"
+    most, *sizes = GROWS[run]
+    (_, small), (done, large) = (and_peak(code.format(run.format(*size))) for size in sizes)
+    assert int(done) >= 10**7
+    assert large - small < most
     assert large < 400
 
 

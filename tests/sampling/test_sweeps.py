@@ -4,6 +4,7 @@ Sweeps of any size: reduced as they go, cut anywhere, in bounded memory, nothing
 """
 
 import itertools
+import math
 import signal
 import sys
 from collections import Counter
@@ -12,7 +13,6 @@ from pathlib import Path
 import arms
 import numpy as np
 import pytest
-from command_line import and_peak
 from singular_sets import dips
 from tiers import tiered
 
@@ -81,11 +81,19 @@ def test_surgical_arm_minimal_sets(surgical):
     assert uniform(surgical)[0.5].sigma_min == pytest.approx(0.040744, abs=1e-6)
 
 
-@pytest.mark.parametrize("levels", [1, 2, 3])
+@pytest.mark.parametrize("levels", [1, 2, 4])
 def test_pruned_and_whole_sweeps_agree(levels):
-    """Pruning leaves out exactly the sets that contain a forced one, and finds the same."""
+    """Pruning leaves out exactly the sets that contain a forced one, and finds the same.
+
+    Whole, as the paper's: C(5, k) 4^k sets, each with 5 - k moving joints.
+    """
     arm = arms.textbook("surgical7")
     whole = plan_sweep(arm, levels=levels, prune=False)
+    sets = [math.comb(5, k) * 4**k for k in range(1, levels + 1)]
+    assert [len(p.values) for p in whole.levels] == sets
+    assert whole.n_curves == 7 + sum(count * (5 - k) for k, count in enumerate(sets, 1))
+    assert whole.n_jacobians == whole.n_curves * whole.samples + 4
+    assert f"{whole.n_jacobians:,} Jacobians" in str(whole)
     pruned = plan_sweep(arm, levels=levels)
     assert whole.forced == pruned.forced
     forced = [frozenset(f.items()) for f in whole.forced]
@@ -100,17 +108,6 @@ def test_pruned_and_whole_sweeps_agree(levels):
     left_out = listed(whole) - listed(pruned)
     assert all(any(f < s for f in forced) for s in left_out)
     assert not any(f < s for f in forced for s in listed(pruned))
-
-
-def test_counts_without_pruning():
-    """The numbers of the paper's scheme: C(5, k) 4^k sets, each with 5 - k moving joints."""
-    plan = plan_sweep(arms.textbook("surgical7"), levels=4, prune=False, samples=50)
-    expected = [(5, 1), (10, 2), (10, 3), (5, 4)]
-    assert [len(p.values) for p in plan.levels] == [c * 4**k for c, k in expected]
-    curves = 7 + sum(c * 4**k * (5 - k) for c, k in expected)
-    assert plan.n_curves == curves
-    assert plan.n_jacobians == curves * 50 + 4
-    assert f"{plan.n_jacobians:,} Jacobians" in str(plan)
 
 
 def test_curve_look_up(stanford):
@@ -320,19 +317,3 @@ def test_curves_that_are_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         run_sweep(arm, plan, keep=True)
     run_sweep(arm, plan, out=tmp_path / "run")
     assert load_npz(tmp_path / "run" / "sweep.npz").to_json() == result.to_json()
-
-
-@pytest.mark.slow
-def test_memory_does_not_grow_with_the_sweep() -> None:
-    code = (
-        "import numpy, pinsing\n"
-        "from pinsing.sampling.sweeps import plan_sweep, run_sweep\n"
-        "arm, special = pinsing.load('panda'), numpy.radians(range(-180, 180, {})).tolist()\n"
-        "plan = plan_sweep(arm, special=special, levels=[{}], samples={})\n"
-        "print(run_sweep(arm, plan, threads=2, keep=False).done)\n"
-    )
-    _, small = and_peak(code.format(90, 1, 101))
-    count, large = and_peak(code.format(15, 2, 2401))
-    assert int(count) > 10_000_000  # whose curves take 160 MB
-    assert large - small < 60
-    assert large < 400
