@@ -26,6 +26,7 @@ CASES = [
     ("ur5", {}, None), ("ur5", {"task": "position"}, None), ("ur5", {"task": "tool-axis"}, None),
     ("panda", {}, None), ("planar3r", {}, [1, 1, 1]), ("scara", {}, [3, 3, 1, 3]),
     ("stanford", {}, [1, 1, 0.5, 1, 1, 1]),
+    ("stanford", {"tip": "link3", "task": "position"}, [1, 1, 0.5]),
 ]  # fmt: skip
 
 
@@ -47,7 +48,7 @@ def _search(monkeypatch, form, **options):
     return pinsing.zones(form, **options)
 
 
-@pytest.mark.parametrize(("name", "options", "speeds"), tiered_rows(CASES, CASES[::3]))
+@pytest.mark.parametrize(("name", "options", "speeds"), tiered_rows(CASES, CASES[::3] + CASES[-1:]))
 def test_no_configuration_of_a_box_takes_more_than_its_bound(name, options, speeds):
     arm, rng = pinsing.load(name, **options), np.random.default_rng(1)
     judge = SpeedJudge(arm, speeds)

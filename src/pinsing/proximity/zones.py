@@ -266,7 +266,8 @@ class SpeedBounds:
             np.eye(6) if self.axis is not None else np.ascontiguousarray((rows @ judge.basis).T)
         )
         self.linear: Bool = np.asarray(self.rows[:, :3].any(axis=1))
-        axes = frame_jacobians(arm, random_turns(arm, 4))[:, 3:]
+        J = frame_jacobians(arm, random_turns(arm, 4))
+        axes = J[:, 3:]
         # Rotations by the joints have to leave the rows of the task among themselves.
         for block in (self.rows[self.linear, :3], self.rows[~self.linear, 3:]):
             turned = np.cross(np.swapaxes(axes, 1, 2)[:, :, None], block)
@@ -286,8 +287,9 @@ class SpeedBounds:
         self.middle = (count - 1) // 2
         self.moving: Bool = np.ones(arm.n, dtype=bool)
         self.moving[0] = False
-        alone = self.axis is None and (arm.prismatic[-1] or self.far[-1] <= NOISE / 10)
-        self.moving[-1] &= not alone or count == 1
+        # The last joint has no effect where it moves the tip along the axes of all turns, or not.
+        swept = np.abs(np.cross(axes, J[:, :3, -1:], axis=1)).max()
+        self.moving[-1] &= self.axis is not None or swept > NOISE / 10 or count == 1
 
     def jacobians(self, Q: Array) -> Array:
         """Jacobians (N, 6, k), the turn about the tool's axis as the last column."""
