@@ -1,7 +1,5 @@
 """`pinsing.proximity.zones` once more, in NumPy, but for rounding: what the kernel is held to."""
 
-import math
-
 import numpy as np
 
 from pinsing.proximity.zones import SpeedBounds, sums_behind
@@ -91,41 +89,29 @@ class PlainBounds(SpeedBounds):
     def _slope(self, J, K, j):
         """Return derivatives (N, 6, k) of Jacobians by joint j, axes of the link behind ``middle``.
 
-        Of twists at its point where the tip is at the centre if ``still``; else at the tip: in base
-        axes it is w_a x v_b with a before b, and the axes turn with the joints before them.
-        Column j is taken of K, the others of J: it is linear in both.
+        Of twists at its point where the tip is at the centre: in base axes it is w_a x v_b with a
+        before b. Column j is taken of K, the others of J: it is linear in both.
         """
         out = np.zeros_like(J)
         w, v = K[:, 3:, j, None], K[:, :3, j, None]
-        if j <= self.middle:
-            first = slice(0, j)
-            out[:, :3, first] = np.cross(J[:, :3, first], w, axis=1) + np.cross(
-                J[:, 3:, first], v, axis=1
-            )
-            out[:, 3:, first] = np.cross(J[:, 3:, first], w, axis=1)
-            return out
-        after, later = slice(j, J.shape[2]), slice(j + 1, J.shape[2])
-        out[:, 3:, later] = np.cross(w, J[:, 3:, later], axis=1)
-        if self.still:
-            out[:, :3, later] = np.cross(w, J[:, :3, later], axis=1) + np.cross(
-                v, J[:, 3:, later], axis=1
-            )
-            return out
-        out[:, :3, after] = np.cross(w, J[:, :3, after], axis=1)
-        out[:, :3, :j] = np.cross(J[:, 3:, :j], v, axis=1)
+        own = slice(0, j) if j <= self.middle else slice(j + 1, J.shape[2])
+        sign = 1 if j <= self.middle else -1
+        linear, angular = J[:, :3, own], J[:, 3:, own]
+        out[:, :3, own] = sign * (np.cross(linear, w, axis=1) + np.cross(angular, v, axis=1))
+        out[:, 3:, own] = sign * np.cross(angular, w, axis=1)
         return out
 
     def _nearer(self, active, i, h):
         """Which of the active joints are third ones of i <= h, no farther from the middle."""
         behind = active > self.middle
-        if not self.still or behind[i] != behind[h]:
+        if behind[i] != behind[h]:
             return []
         nearer = range(i + 1) if behind[h] else range(h, len(active))
         return [o for o in nearer if behind[o] == behind[h]]
 
     def _carried(self, A, j, v):
         """Derivative (N, k, m) of A X by joint j, which moves the tip by v (N, 3)."""
-        if not self.still or j <= self.middle:
+        if j <= self.middle:
             return np.zeros_like(A)
         linear = A @ self.rows[:, :3]
         return np.asarray(np.cross(linear, v[:, None]) @ self.rows[:, 3:].T)
@@ -133,11 +119,10 @@ class PlainBounds(SpeedBounds):
     def _rest(self, A, J, R):
         """Bound (N, k, k) what the third order and more of J adds to A M.
 
-        With V_b the length of column b: in the axes in the middle the third derivative of column k
-        by turning joints between it and the middle is at most the sum of V of the four. Of twists
-        at the tip, by joints behind the middle V_b of the last of the four; by some of each V of
-        the last one behind. And bound (N, 3) how far the tip moves in these axes, by all orders,
-        all but the first, and all but the second.
+        With V_b the length of column b: in the axes in the middle the fourth derivative of column k
+        by turning joints between it and the middle is at most the sum of V of the five. And bound
+        (N, 3) how far the tip moves in these axes, by all orders, all but the first, and all but
+        the second.
         """
         N, k = len(J), J.shape[2]
         r = np.concatenate([R * self.moving, np.zeros((N, k - R.shape[1]))], axis=1)
@@ -150,24 +135,16 @@ class PlainBounds(SpeedBounds):
         # Behind the middle, of products of two and three the later one at each place.
         pairs = far * rd**2 + 2 * behind * others
         triples = far * (d**3 - others**3) + 3 * behind * ~self.turns * others**2
-        p, linear, order = np.zeros_like(r), np.zeros_like(r), 4 if self.still else 3
+        p, linear = np.zeros_like(r), np.zeros_like(r)
         for side in (range(self.middle, -1, -1), range(self.middle + 1, k)):
             angle, arms = np.zeros(N), np.zeros(N)
-            for j in side:
-                lever = far[:, j]
-                if self.still:  # of the point, which the joints between move
-                    lever = here[:, j] + (arms if self.turns[j] else 0.0)
-                p[:, j], linear[:, j] = angle, (order * arms + lever * angle) * angle ** (order - 1)
+            for j in side:  # of the point, which the joints between move
+                lever = here[:, j] + (arms if self.turns[j] else 0.0)
+                p[:, j], linear[:, j] = angle, (4 * arms + lever * angle) * angle**3
                 angle, arms = angle + turning[:, j], arms + r[:, j] * lever
-        moved = np.zeros((N, 3))
-        if self.still:
-            orders = behind.sum(axis=1), pairs.sum(axis=1) / 2, triples.sum(axis=1) / 6
-            moved = np.cumsum(np.stack(orders[::-1], axis=1), axis=1)[:, ::-1]
-        else:
-            linear = np.where(before, linear, 0.0) + far * d**3 + sums_behind(triples)
-            linear += 3 * p**2 * before * behind.sum(axis=1, keepdims=True)
-            linear += 3 * p * before * pairs.sum(axis=1, keepdims=True)
-        linear, angular = linear / math.factorial(order), p**order / math.factorial(order)
+        orders = triples.sum(axis=1) / 6, pairs.sum(axis=1) / 2, behind.sum(axis=1)
+        moved = np.cumsum(np.stack(orders, axis=1), axis=1)[:, ::-1]
+        linear, angular = linear / 24, p**4 / 24
         av = np.linalg.norm(A[..., self.linear], axis=-1)[..., None]
         aw = np.linalg.norm(A[..., ~self.linear], axis=-1)[..., None]
         return np.asarray(av * linear[:, None] + aw * angular[:, None]), moved

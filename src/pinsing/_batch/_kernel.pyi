@@ -132,7 +132,6 @@ def joint_speeds(
     speeds: Sequence[float],
     middle: int,
     rounds: int,
-    still: bool,
     J: NDArray[np.float64],
     R: NDArray[np.float64],
     isa: str,

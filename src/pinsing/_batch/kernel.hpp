@@ -88,7 +88,6 @@ struct SpeedTask {
     const bool* moving;    // (n,)
     double tip_speed, turn_speed;
     int middle, rounds;  // 0 rounds: of one joint to spare the best right inverse
-    bool still;  // twists are taken at a point of the link behind `middle`, else at the tip
 };
 
 // A sum of cosines: see tube.hpp.

@@ -134,8 +134,8 @@ nb::tuple walks(const In& R, const In& t, const InFlags& prismatic, const std::v
 // `linear`: how many rows are translations. `speeds`: those of the tip, m/s and rad/s.
 nb::object joint_speeds(const In& rows, int linear, const In& limits, const In& far,
                         const InFlags& turns, const InFlags& moving, const std::vector<double>& speeds,
-                        int middle, int rounds, bool still, const In& J, const In& R,
-                        const std::string& isa, int threads) {
+                        int middle, int rounds, const In& J, const In& R, const std::string& isa,
+                        int threads) {
     const std::size_t n = limits.size(), k = far.size(), m = rows.size() / 6;
     require(1 <= n && n <= k && k <= kSpeedColumns && 1 <= m && m <= 6 && m <= k,
             "too many joints, or rows, for this");
@@ -143,7 +143,7 @@ nb::object joint_speeds(const In& rows, int linear, const In& limits, const In& 
             "rows must be (m, 6), turns (k,), moving (n,), and speeds two");
     const SpeedTask task{static_cast<int>(n), static_cast<int>(k), static_cast<int>(m), rows.data(),
                          linear, limits.data(), far.data(), turns.data(), moving.data(), speeds[0],
-                         speeds[1], middle, rounds, still};
+                         speeds[1], middle, rounds};
     require(0 <= linear && linear <= task.m, "there are not so many rows");
     require(0 <= middle && middle < task.k, "no such joint");
     Arrays all("J or R", J, {6, k});

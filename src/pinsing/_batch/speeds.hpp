@@ -130,37 +130,30 @@ struct BoxOfSpeeds {
     }
 
     bool behind(int j) const { return j > task.middle; }
-    // Columns that joint j changes.
-    Span changed(int j) const { return {behind(j) && task.still ? j + 1 : 0, behind(j) ? k : j}; }
+    // Columns that joint j changes: those between it and the middle.
+    Span changed(int j) const { return {behind(j) ? j + 1 : 0, behind(j) ? k : j}; }
     // Columns that joints i <= j both change.
     Span changed(int i, int j) const {
-        if (task.still && behind(i) != behind(j)) return {0, 0};
-        return changed(task.still && behind(j) ? j : i);
+        if (behind(i) != behind(j)) return {0, 0};
+        return changed(behind(j) ? j : i);
     }
 
     // Adds the derivative (6, k) of K by joint j, column j being that of L.
     void add_slope(const Matrix& K, const Matrix& L, int j, Matrix& out) const {
-        const auto add = [&](const One* a, const One* b, One* to) { add_cross(a, k, b, k, to, k); };
+        const auto add = [&](const One* of_i, const One* of_j, One* to) {
+            behind(j) ? add_cross(of_j, k, of_i, k, to, k) : add_cross(of_i, k, of_j, k, to, k);
+        };
         const One *v = L[0] + j, *w = L[3] + j;
         for (int i = changed(j).first; i < changed(j).last; i++) {
-            const One *linear = K[0] + i, *angular = K[3] + i;
-            if (!behind(j)) {
-                add(linear, w, out[0] + i);
-                add(angular, v, out[0] + i);
-                add(angular, w, out[3] + i);
-            } else if (i < j) {
-                add(angular, v, out[0] + i);
-            } else {
-                add(w, linear, out[0] + i);
-                if (i > j) add(w, angular, out[3] + i);
-                if (task.still) add(v, angular, out[0] + i);
-            }
+            add(K[0] + i, w, out[0] + i);
+            add(K[3] + i, v, out[0] + i);
+            add(K[3] + i, w, out[3] + i);
         }
     }
 
     // Adds to or takes off the derivative (k, m) of A X by joint j, which moves the tip by v.
     void add_carried(double sign, int j, const One* v, int stride, Matrix& out) const {
-        if (!task.still || !behind(j)) return;
+        if (!behind(j)) return;
         for (int i = 0; i < k; i++) {
             One a[3], turn[3];
             clear(a, 3);
@@ -274,14 +267,12 @@ struct BoxOfSpeeds {
             for (int a = 0; a < m; a++) A[i][a] += still[i] * best[a];
     }
 
-    // E3: what orders of J add that are not looked at, and its rounding. With V_b the length of column
-    // b, in the axes in the middle the third derivative of column k by turning joints between it and
-    // the middle is at most the sum of V of the four; the fourth, of the point that is still, likewise.
-    // Of twists at the tip, by joints behind the middle V_b of the last of the four; by some of each V
-    // of the last one behind. And how far the tip moves in these axes: by all orders, all but the
-    // first, and all but the second.
+    // E3: what the fourth order of J adds and more, and its rounding. With V_b the length of column b the
+    // fourth derivative of column k by turning joints between it and the middle is at most the sum of V
+    // of the five. And how far the tip moves in the axes in the middle: by all orders, all but the first,
+    // and all but the second.
     void bound_rest() {
-        One here[kSpeedColumns], far[kSpeedColumns], turning[kSpeedColumns], triple[kSpeedColumns];
+        One here[kSpeedColumns], far[kSpeedColumns], turning[kSpeedColumns];
         const One zero = spread(0.0);
         One beyond = zero, moves = zero, pairs = zero, triples = zero, d = zero;
         double reach = 0.0;
@@ -298,39 +289,26 @@ struct BoxOfSpeeds {
             d += turning[j];
             moves += move;
             pairs += far[j] * turning[j] * turning[j] + move * others * 2.0;
-            triple[j] = far[j] * (d * d * d - others * others * others);
-            if (!task.turns[j]) triple[j] += move * others * others * 3.0;
-            triples += triple[j];
+            One triple = far[j] * (d * d * d - others * others * others);
+            if (!task.turns[j]) triple += move * others * others * 3.0;
+            triples += triple;
         }
-        const double part = task.still ? 1.0 / 24.0 : 1.0 / 6.0;
-        One linear[kSpeedColumns], angular[kSpeedColumns], later = triples;  // those behind a joint
+        One linear[kSpeedColumns], angular[kSpeedColumns];
         for (int side = 0; side < 2; side++) {
             One angle = zero, arms = zero;
             for (int j = task.middle + side; side ? j < k : j >= 0; j += side ? 1 : -1) {
                 // Of the point that is still, which the joints between move.
-                One lever = task.still ? here[j] : far[j];
-                if (task.still && task.turns[j]) lever += arms;
-                const One power = task.still ? angle * angle * angle : angle * angle;
-                const One turned = angle + turning[j];
-                linear[j] = (arms * (task.still ? 4.0 : 3.0) + lever * angle) * power;
-                if (!task.still && side == 0) {
-                    linear[j] += triples + (angle * moves + pairs) * angle * 3.0;
-                } else if (!task.still) {
-                    later -= triple[j];
-                    linear[j] = far[j] * turned * turned * turned + later;
-                }
-                linear[j] = linear[j] * part + (here[j] + (task.far[j] + 1.0)) * kSpeedRounding;
-                angular[j] = angle * power * part + kSpeedRounding;
-                angle = turned;
+                const One lever = task.turns[j] ? here[j] + arms : here[j], power = angle * angle * angle;
+                linear[j] = (arms * 4.0 + lever * angle) * power * (1.0 / 24.0) +
+                            (here[j] + (task.far[j] + 1.0)) * kSpeedRounding;
+                angular[j] = angle * power * (1.0 / 24.0) + kSpeedRounding;
+                angle += turning[j];
                 arms += r[j] * lever;
             }
         }
-        clear(moved, 3);
-        if (task.still) {
-            moved[2] = triples * (1.0 / 6.0) + kSpeedRounding * (reach + 1.0);
-            moved[1] = moved[2] + pairs * 0.5;
-            moved[0] = moved[1] + moves;
-        }
+        moved[2] = triples * (1.0 / 6.0) + kSpeedRounding * (reach + 1.0);
+        moved[1] = moved[2] + pairs * 0.5;
+        moved[0] = moved[1] + moves;
         E3.reset(k, k);
         for (int i = 0; i < k; i++) {
             const One v = length(A[i], shifts), w = length(A[i], turns);
@@ -412,7 +390,7 @@ struct BoxOfSpeeds {
                     size.add_sizes(D, rr);
                     AD.add(A, D, 1.0, all, common);
                     turned.add(AD, A, -1.0, common, all);
-                    if (task.still) third_order(both, i, h, rr);
+                    third_order(both, i, h, rr);
                 }
                 // The same again where h is i.
                 twice.add(G[i], G[h], 1.0, first, second);

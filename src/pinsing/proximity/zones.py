@@ -15,10 +15,10 @@ the rest), put into itself twice this is
 size Q. Its first and second order are looked at, and where ``F + T y <= y`` for a bound F of what
 is known and T the sizes of the others, all z are at most y, and J(q) A is nowhere singular (the
 theorem of Perron and Frobenius, as in Krawczyk's method). J is written in the axes of a link in the
-middle and, where the task has all rotations that the arm makes, of twists at a point of that link:
-columns then change by the joints between alone. Each product of floats is charged with ``NOISE``
-times the sum of the sizes of its terms, which covers a thousand operations, and A with twice what
-J A misses.
+middle, of twists at a point of that link: columns then change by the joints between alone. Where
+the task has not all rotations that the arm makes, the link is the last one, and the point the tip.
+Each product of floats is charged with ``NOISE`` times the sum of the sizes of its terms, which
+covers a thousand operations, and A with twice what J A misses.
 """
 
 from __future__ import annotations
@@ -276,7 +276,7 @@ class SpeedBounds:
                 f"the rows of the task {task.name} turn with the arm: give pose",
             )
         angular = self.rows[~self.linear, 3:]
-        self.still = bool(np.abs(axes - angular.T @ (angular @ axes)).max(initial=0.0) <= NOISE)
+        left = np.abs(axes - angular.T @ (angular @ axes)).max(initial=0.0)
         steps = np.linalg.norm(chain.t, axis=1) + np.append(0.0, np.where(arm.prismatic, travel, 0))
         reach = np.cumsum(steps[::-1])[::-1][1:]  # from each joint to the tip
         across = np.linalg.norm(chain.t[1:, :2], axis=1) + reach - steps[1:]
@@ -284,7 +284,7 @@ class SpeedBounds:
         count, most = len(self.far), engine.module().SPEED_COLUMNS
         OptionError.refuse_if(count > most, f"zones: an arm may have {most} joints, not {count}")
         self.turns: Bool = np.append(~arm.prismatic, np.ones(int(self.axis is not None), bool))
-        self.middle = (count - 1) // 2
+        self.middle = (count - 1) // (1 if left > NOISE else 2)
         self.moving: Bool = np.ones(arm.n, dtype=bool)
         self.moving[0] = False
         # The last joint has no effect where it moves the tip along the axes of all turns, or not.
@@ -319,8 +319,8 @@ class SpeedBounds:
     def _of(self, C: Array, R: Array, rounds: int) -> Records:
         out = engine.module().joint_speeds(
             *(self.rows, self.linear.sum(), self.judge.limits, self.far, self.turns, self.moving),
-            *([self.v, self.w], self.middle, rounds, self.still, self.jacobians(C)),
-            *(np.ascontiguousarray(R), engine.isa_names()[-1], engine.cpu_count()),
+            *([self.v, self.w], self.middle, rounds, self.jacobians(C), np.ascontiguousarray(R)),
+            *(engine.isa_names()[-1], engine.cpu_count()),
         )
         names = [(name, float) for name in ("center", "first", "most")]
         return out.view([*names, ("pull", float, C.shape[1:])])[:, 0].view(np.recarray)
