@@ -88,76 +88,51 @@ void look_at_sum(const Conditions& c, std::int64_t e, Joints<Number> joints, con
 
 // A bound of the distance from q to {x in the box: a0 + g x = target}, infinite where that is empty.
 //
-// For any multiplier m, weak duality gives
-//     distance^2 >= min over y in the box of |y - q|^2 + 2 m (a0 + g y - target),
-// whose minimiser is y = q - m g, cut to the box. The best multiplier is the root of a sum that falls
-// with it, in pieces: Newton's method between bounds. How exact it is does not matter to the truth.
-// The minimiser goes to `point`.
+// The points of the box that reach the most by s are q + s w, cut to it, with w = g, toward the target, or
+// in the maximum norm the signs of g. Where they reach the target is the root of a sum that changes with s,
+// in pieces: Newton's method between bounds. How exact it is does not matter to the truth: for any s, weak
+// duality gives
+//     distance^2 >= min over y in the box of |y - q|^2 + 2 s (what y misses of the target),
+// whose minimiser is that point, and no cube of half-side s that misses something reaches the target. The
+// last of the points goes to `point`.
 inline double to_plane(const double* q, const double* lo, const double* hi, const double* g, double a0,
-                double target, int d, double* point) {
-    double least = a0, most = a0, size = std::fabs(a0) + std::fabs(target), steep = 0.0;
+                       double target, int d, bool largest, double* point) {
+    double least = a0, most = a0, size = std::fabs(a0) + std::fabs(target), steep = 0.0, outside = 0.0;
     for (int j = 0; j < d; j++) {
         least += std::min(g[j] * lo[j], g[j] * hi[j]);
         most += std::max(g[j] * lo[j], g[j] * hi[j]);
         size += std::fabs(g[j]) * std::max(std::fabs(lo[j]), std::fabs(hi[j]));
         steep = std::max(steep, std::fabs(g[j]));
+        if (largest) outside = std::max({outside, lo[j] - q[j], q[j] - hi[j]});
     }
-    const double tolerance = 4e-16 * (d + 2) * size;
+    const double tolerance = 4e-16 * (d + 2) * size, aim = largest ? 0.5 * tolerance : 0.0;
     if (target < least - tolerance || target > most + tolerance) return kInfinity;
-    double best = 0.0, low = 0.0, high = kInfinity, side = 0.0, at = 0.0;  // multiplier = side * at
+    double best = 0.0, low = 0.0, high = kInfinity, side = 0.0, at = 0.0;
     for (int iteration = 0; iteration <= 60; iteration++) {
         double sum = a0, total = 0.0, slope = 0.0;
         for (int j = 0; j < d; j++) {
-            const double z = q[j] - side * at * g[j], y = std::min(std::max(z, lo[j]), hi[j]);
+            const double way = !largest ? g[j] : g[j] > 0.0 ? 1.0 : -1.0;
+            const double z = q[j] - side * at * way, y = std::min(std::max(z, lo[j]), hi[j]);
             point[j] = y;
             sum += g[j] * y;
             total += (y - q[j]) * (y - q[j]);
-            if (z > lo[j] && z < hi[j]) slope += g[j] * g[j];
+            if (z > lo[j] && z < hi[j]) slope += g[j] * way;
         }
         if (iteration == 0) side = sum > target ? 1.0 : -1.0;
         const double excess = side * (sum - target);
         const double square = total * (1.0 - 1e-15) + 2.0 * at * (excess - tolerance);
-        if (square > 0.0) best = std::max(best, std::sqrt(square) * (1.0 - 1e-15));
+        if (largest && excess > 0.5 * aim) best = std::max(best, at * (1.0 - 1e-12) - 1e-13);
+        if (!largest && square > 0.0) best = std::max(best, std::sqrt(square) * (1.0 - 1e-15));
         if (std::fabs(excess) <= tolerance) break;
         (excess > 0.0 ? low : high) = at;
-        double next = slope > 0.0 ? at + excess / slope : kInfinity;
+        double next = slope > 0.0 ? at + (excess - aim) / slope : kInfinity;
+        if (at < outside) next = outside;  // smaller cubes do not reach the box
         if (!(next > low && next < high))
             next = high < kInfinity ? 0.5 * (low + high) : 2.0 * at + 0.5 / steep;
         if (next == at || !(next < 1e200)) break;
         at = next;
     }
     return best;
-}
-
-// Where a side of the cube of half-side r around q cuts the range of one joint, as the box has it: from
-// `near`, the point of that nearest to q, on.
-inline double cube_side(double q, double near, double lo, double hi, double r, bool up) {
-    return up ? std::min(hi, std::max(q + r, near)) : std::max(lo, std::min(q - r, near));
-}
-
-// Distance from q to that set in the maximum norm: the least r at which the box and the cube of
-// half-side r around q reach the target. From that of `near`, where a0 + g x is short of the target.
-inline double cube_to_plane(const double* q, const double* lo, const double* hi, const double* g,
-                            const double* near, double short_of, int d, bool upward) {
-    auto gain = [&](double r) {
-        double total = 0.0;
-        for (int j = 0; j < d; j++) {
-            const double end = cube_side(q[j], near[j], lo[j], hi[j], r, (g[j] > 0.0) == upward);
-            total += std::fabs(g[j]) * std::fabs(end - near[j]);
-        }
-        return total;
-    };
-    double low = 0.0, high = 0.0;
-    for (int j = 0; j < d; j++) {
-        low = std::max(low, std::fabs(near[j] - q[j]));
-        high = std::max({high, low, std::fabs(hi[j] - q[j]), std::fabs(lo[j] - q[j])});
-    }
-    if (gain(high) < short_of * (1.0 - 1e-12)) return kInfinity;
-    for (int i = 0; i < 60 && high - low > 1e-13 * (1.0 + high); i++) {
-        const double middle = 0.5 * (low + high);
-        (gain(middle) < short_of ? low : high) = middle;
-    }
-    return low;
 }
 
 }  // namespace pinsing

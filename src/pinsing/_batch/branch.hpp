@@ -150,35 +150,27 @@ public:
         return length < most ? length : kInfinity;
     }
 
-    // From x to a point of the set within the box that is nearest to q, by Newton's method on the
-    // equations and a pull towards q along them (or without it, to the set only). Returns the
-    // distance, infinite without success. The pull ends at steps below `least`, whose square the
-    // distance is off.
-    double descend(const double* q, const double* lo, const double* hi, bool pull, double least,
-                   double* x) {
+    // From x to a point of the set within the box that is nearest to q, by Newton's method on the equations
+    // and a pull towards q along them, then to the set only. Returns the distance, infinite without
+    // success. The pull ends at steps below `least`, whose square the distance is off.
+    double descend(const double* q, const double* lo, const double* hi, double least, double* x) {
         const int n = d();
         double delta[kJoints], step[kJoints], along[kJoints], before[kJoints] = {}, relax = 1.0;
-        for (int iteration = pull ? 0 : 40; iteration < 60; iteration++) {
-            const bool settling = iteration >= 40;
-            for (int j = 0; j < n; j++) delta[j] = settling ? 0.0 : q[j] - x[j];
-            const double residual = evaluate(x);
+        for (int iteration = 0; iteration < 40; iteration++) {
+            for (int j = 0; j < n; j++) delta[j] = q[j] - x[j];
+            evaluate(x);
             held_step(x, lo, hi, delta, relax, step, along);
-            if (c_.largest && at.size() == 1 && !settling)
-                cube_step(q, lo, hi, x, relax, step, along);
+            if (c_.largest && at.size() == 1) cube_step(q, lo, hi, x, relax, step, along);
             double turned = 0.0, size = 0.0;
             for (int j = 0; j < n; j++) turned += along[j] * before[j], before[j] = along[j];
             relax = turned < 0.0 ? 0.5 * relax : std::min(1.0, 1.1 * relax);
             for (int j = 0; j < n; j++) size = std::max(size, std::fabs(step[j]));
-            if (settling && residual < 1e-15) break;
             const double shorter = size > 0.6 ? 0.6 / size : 1.0;
             for (int j = 0; j < n; j++)
                 x[j] = std::min(std::max(x[j] + shorter * step[j], lo[j]), hi[j]);
-            if (size < (settling ? 1e-13 : least)) {
-                if (settling) break;
-                iteration = 39;
-            }
+            if (size < least) break;
         }
-        return evaluate(x) <= kOn ? apart(q, x) : kInfinity;
+        return land(q, lo, hi, kInfinity, x);
     }
 
     // Fills in low, near and widest, and shrinks the box; false where it holds no zero that is
@@ -225,18 +217,12 @@ private:
     void cube_step(const double* q, const double* lo, const double* hi, const double* x,
                    double relax, double* step, double* along) const {
         const int n = d();
-        const double* g = at[0].g;
-        double here = at[0].value, near[kJoints];
+        const double *g = at[0].g, a0 = at[0].value - dot(g, x, n);
+        double point[kJoints];
+        if (to_plane(q, lo, hi, g, a0, 0.0, n, true, point) == kInfinity) return;
         for (int j = 0; j < n; j++) {
-            near[j] = std::min(std::max(q[j], lo[j]), hi[j]);
-            here += g[j] * (near[j] - x[j]);
-        }
-        const bool upward = here < 0.0;
-        const double r = cube_to_plane(q, lo, hi, g, near, std::fabs(here), n, upward);
-        if (r == kInfinity) return;
-        for (int j = 0; j < n; j++) {
-            const bool moves = std::fabs(g[j]) > 1e-9 * at[0].size, up = (g[j] > 0.0) == upward;
-            along[j] = (moves ? cube_side(q[j], near[j], lo[j], hi[j], r, up) : near[j]) - x[j];
+            const bool moves = std::fabs(g[j]) > 1e-9 * at[0].size;
+            along[j] = (moves ? point[j] : std::min(std::max(q[j], lo[j]), hi[j])) - x[j];
             step[j] = relax * along[j];
         }
     }
@@ -253,18 +239,9 @@ private:
         if (std::fabs(value) > reach * (1.0 + 1e-14)) return false;
         if (std::fabs(here) <= rest) return true;
         const double target = here > 0.0 ? rest : -rest;
-        double point[kJoints], bound;
-        if (c_.largest) {
-            const bool upward = here < 0.0;
-            const double r = cube_to_plane(q, lo, hi, g, near, std::fabs(here - target), n, upward);
-            if (r == kInfinity) return false;
-            for (int j = 0; j < n; j++)
-                point[j] = cube_side(q[j], near[j], lo[j], hi[j], r, (g[j] > 0.0) == upward);
-            bound = std::max(r * (1.0 - 1e-12) - 1e-13, 0.0);
-        } else {
-            bound = to_plane(q, lo, hi, g, a0, target, n, point);
-            if (bound == kInfinity) return false;
-        }
+        double point[kJoints];
+        const double bound = to_plane(q, lo, hi, g, a0, target, n, c_.largest, point);
+        if (bound == kInfinity) return false;
         if (bound > box.low) {
             box.low = bound;
             std::copy(point, point + n, box.near);

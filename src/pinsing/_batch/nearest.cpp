@@ -192,7 +192,8 @@ private:
         double x[kJoints];
         for (int way = c_.largest ? 0 : 1; way < 2; way++) {  // no pull rests where cubes touch
             std::copy(from, from + part.branch.d(), x);
-            const double length = part.branch.descend(part.q, part.lo, part.hi, way == 1, least, x);
+            const double length = way == 0 ? part.branch.land(part.q, part.lo, part.hi, known(part), x)
+                                           : part.branch.descend(part.q, part.lo, part.hi, least, x);
             if (length < known(part)) keep(part, x, length);
         }
     }

@@ -79,21 +79,6 @@ PINSING_INLINE Matrix unit(int n) {
     return out;
 }
 
-// Of a positive matrix: it needs no pivots.
-PINSING_INLINE void invert(Matrix& N) {
-    for (int p = 0; p < N.rows; p++) {
-        const One pivot = 1.0 / N[p][p];
-        N[p][p] = spread(1.0);
-        for (int j = 0; j < N.rows; j++) N[p][j] *= pivot;
-        for (int i = 0; i < N.rows; i++) {
-            if (i == p) continue;
-            const One factor = N[i][p];
-            N[i][p] = spread(0.0);
-            for (int j = 0; j < N.rows; j++) N[i][j] -= factor * N[p][j];
-        }
-    }
-}
-
 // The product of what two rows have in some columns.
 PINSING_INLINE One dot(const One* x, const One* y, Span own) {
     One sum = spread(0.0);
@@ -195,9 +180,8 @@ struct BoxOfSpeeds {
             Matrix eased(k, m), z(k);
             for (int j = 0; j < k; j++)
                 for (int i = 0; i < m; i++) eased[j][i] = M[i][j] * ease[j];
-            Matrix N = M * eased;
-            invert(N);
-            const Matrix X = eased * N;
+            Matrix N = M * eased, X = eased;
+            solve_spd(N.at, X.at, m, 0.0, 0.0, k);
             const Matrix next = X * 2.0 - X * (M * X);  // one step of Newton's method
             for (int j = 0; j < k; j++) z.at[j] = norm(next[j]);
             const One most = largest(z);

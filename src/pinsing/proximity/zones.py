@@ -266,8 +266,7 @@ class SpeedBounds:
             np.eye(6) if self.axis is not None else np.ascontiguousarray((rows @ judge.basis).T)
         )
         self.linear: Bool = np.asarray(self.rows[:, :3].any(axis=1))
-        J = frame_jacobians(arm, random_turns(arm, 4))
-        axes = J[:, 3:]
+        ways, axes = np.split(frame_jacobians(arm, random_turns(arm, 4)), 2, axis=1)
         # Rotations by the joints have to leave the rows of the task among themselves.
         for block in (self.rows[self.linear, :3], self.rows[~self.linear, 3:]):
             turned = np.cross(np.swapaxes(axes, 1, 2)[:, :, None], block)
@@ -285,10 +284,9 @@ class SpeedBounds:
         OptionError.refuse_if(count > most, f"zones: an arm may have {most} joints, not {count}")
         self.turns: Bool = np.append(~arm.prismatic, np.ones(int(self.axis is not None), bool))
         self.middle = (count - 1) // (1 if left > NOISE else 2)
-        self.moving: Bool = np.ones(arm.n, dtype=bool)
-        self.moving[0] = False
+        self.moving: Bool = np.arange(arm.n) > 0
         # The last joint has no effect where it moves the tip along the axes of all turns, or not.
-        swept = np.abs(np.cross(axes, J[:, :3, -1:], axis=1)).max()
+        swept = np.abs(np.cross(axes, ways[:, :, -1:], axis=1)).max()
         self.moving[-1] &= self.axis is not None or swept > NOISE / 10 or count == 1
 
     def jacobians(self, Q: Array) -> Array:
@@ -319,8 +317,8 @@ class SpeedBounds:
     def _of(self, C: Array, R: Array, rounds: int) -> Records:
         out = engine.module().joint_speeds(
             *(self.rows, self.linear.sum(), self.judge.limits, self.far, self.turns, self.moving),
-            *([self.v, self.w], self.middle, rounds, self.jacobians(C), np.ascontiguousarray(R)),
-            *(engine.isa_names()[-1], engine.cpu_count()),
+            *([self.v, self.w], self.middle, rounds, self.jacobians(C)),
+            *(np.ascontiguousarray(R), engine.isa_names()[-1], engine.cpu_count()),
         )
         names = [(name, float) for name in ("center", "first", "most")]
         return out.view([*names, ("pull", float, C.shape[1:])])[:, 0].view(np.recarray)
