@@ -1,11 +1,10 @@
 """The child process that reads mesh files: Assimp trusts them more than one may.
 
 It is started by path (see `pinsing.view.meshes`), gets the paths of meshes as a line of JSON, and
-answers for each, in order, with a line of JSON: ``problem``, or how many ``bytes`` follow: what
-`packed` makes of it, none where the page gets the file itself. Memory is limited, nothing can be
-written, and on Linux the kernel lets it read files in the folders of its meshes only, where it has
-Landlock, and any file where it has not: no socket, no process. What is missing of that is said in
-the line before the answers.
+answers for each, in order, in msgpack: what is wrong with it in words, or what `packed` makes of
+it, no bytes where the page gets the file itself. Memory is limited, nothing can be written, and on
+Linux the kernel lets it read files in the folders of its meshes only, where it has Landlock, and
+any file where it has not: no socket, no process. What is missing of that comes first, as a list.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ import os
 import sys
 import types
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 _LARGEST = 1e9
 
@@ -52,20 +51,15 @@ def read(loader: Any, path: str, wanted: str) -> bytes:
     return packed([Painted(points, none, faces.astype(np.uint32), *as_it_is)])
 
 
-def answer(loader: Any, path: str, wanted: str, out: BinaryIO) -> None:
-    """Write what became of one file."""
-    data = b""
+def answer(loader: Any, path: str, wanted: str) -> str | bytes:
+    """Return what became of one file."""
     try:
-        data = read(loader, path, wanted)
+        return read(loader, path, wanted)
     except MemoryError:
-        message: dict[str, Any] = {"problem": "needs too much memory"}
+        return "needs too much memory"
     except Exception as error:  # the reader has no error of its own
         lines = [x for x in str(error).splitlines() if x.strip() and not x.startswith("Hint")]
-        message = {"problem": " ".join((lines or [type(error).__name__])[-1].split())[:200]}
-    else:
-        message = {"bytes": len(data)}
-    out.write(json.dumps(message).encode() + b"\n" + data)
-    out.flush()
+        return " ".join((lines or [type(error).__name__])[-1].split())[:200]
 
 
 def main() -> None:
@@ -78,6 +72,7 @@ def main() -> None:
     os.dup2(nowhere, 2)
     sys.path[:] = request["sys_path"]
     import coal
+    import umsgpack
 
     root = Path(__file__).resolve().parent.parent
     for name in ("pinsing", "pinsing.view", "pinsing.description"):
@@ -95,11 +90,12 @@ def main() -> None:
     # Landlock first: the filter lets no more rules be made.
     folders = {os.path.dirname(os.path.realpath(path)) for path, _ in request["paths"]}
     walls = (child_jail.read_only_below(folders), child_jail.close_in(reading=True))
-    out.write(json.dumps({"no_wall": [why for why in walls if why]}).encode() + b"\n")
-    out.flush()
+    umsgpack.pack([why for why in walls if why], out)
     for path, wanted in request["paths"]:
+        out.flush()  # what is known, if the next one breaks the reader
         child_jail.begin_work(request["seconds_each"])
-        answer(loader, path, wanted, out)
+        umsgpack.pack(answer(loader, path, wanted), out)
+    out.flush()
 
 
 if __name__ == "__main__":

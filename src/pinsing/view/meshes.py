@@ -11,12 +11,13 @@ import stat
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
+import umsgpack
 
 from pinsing.atomic_write import write_bytes
 from pinsing.description import child_jail
@@ -146,31 +147,21 @@ def _ask_child(paths: Sequence[Path], missing: list[str]) -> dict[Path, bytes | 
         said, slow = late.stdout or b"", True
     except OSError:
         return {}
-    answers = io.BytesIO(said)
-    line = answers.readline()
-    if line.endswith(b"\n"):
-        missing += map(str, json.loads(line)["no_wall"])
-    done: dict[Path, bytes | str] = {}
-    for path in paths:
-        result = _receive(answers)
-        if result is None:
-            ended = "needs too much memory, or breaks its reader"
-            done[path] = f"is not read within {SECONDS_EACH:g} s" if slow else ended
-            break
-        done[path] = result
+    messages = _messages(said)
+    missing += map(str, next(messages, []))
+    done: dict[Path, bytes | str] = dict(zip(paths, messages, strict=False))
+    if len(done) < len(paths):
+        ended = "needs too much memory, or breaks its reader"
+        done[paths[len(done)]] = f"is not read within {SECONDS_EACH:g} s" if slow else ended
     return done
 
 
-def _receive(answers: BinaryIO) -> bytes | str | None:
-    """Return one answer of the child, None where there is none."""
-    line = answers.readline(10_000)
-    if not line.endswith(b"\n"):
-        return None
-    message = json.loads(line)
-    if "problem" in message:
-        return str(message["problem"])
-    data = answers.read(int(message["bytes"]))
-    return data if len(data) == int(message["bytes"]) else None
+def _messages(said: bytes) -> Iterator[Any]:
+    """What a child wrote, up to where it ended: texts, bytes and lists of texts."""
+    stream = io.BytesIO(said)
+    with contextlib.suppress(umsgpack.UnpackException):
+        while True:
+            yield umsgpack.unpack(stream)
 
 
 def cache_folder() -> Path | None:

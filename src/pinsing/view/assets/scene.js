@@ -336,45 +336,31 @@ class SceneView {
     this.viewer.set_dirty();
   }
 
-  // A picture that stays: what a printer gets, for which a view is not drawn again.
-  still() {
-    const { pen, canvas } = this.copied(0);
-    this.labels.draw(pen);
-    return canvas;
-  }
-
-  // What is in the view, `above` pixels below the upper edge of a canvas, and a pen whose origin is that of the view.
-  copied(above) {
+  // What is in the view, with its labels and, unless it stands beside, its legend, as a canvas: it stays, and can be printed.
+  still(legend = false) {
     this.pace.full();
     this.viewer.render();
-    const source = this.viewer.renderer.domElement, ratio = source.width / this.element.clientWidth;
-    const canvas = make("canvas", { width: source.width, height: source.height + Math.ceil(above * ratio) });
-    const pen = canvas.getContext("2d");
+    const { element, viewer: { renderer: { domElement: source } } } = this, ratio = source.width / element.clientWidth;
+    // On a narrow screen the legend stands above the view, and so it does in the picture.
+    const above = legend ? Math.max(0, -boxIn(element, $("legend")).top) : 0, font = "system-ui, sans-serif";
+    const canvas = make("canvas", { width: source.width, height: source.height + Math.ceil(above * ratio) }), pen = canvas.getContext("2d");
     pen.fillStyle = getComputedStyle(document.body).backgroundColor;
     pen.fillRect(0, 0, canvas.width, canvas.height);
     pen.scale(ratio, ratio);
     pen.translate(0, above);
-    pen.drawImage(source, 0, 0, this.element.clientWidth, source.height / ratio);
+    pen.drawImage(source, 0, 0, element.clientWidth, source.height / ratio);
     pen.textBaseline = "middle";
-    pen.font = "600 12px system-ui, sans-serif";
-    return { pen, canvas };
-  }
-
-  // The canvas with its legend and label, as a data address of a PNG.
-  pictureWithLegend() {
-    // On a narrow screen the legend stands above the view, and so it does in the picture.
-    const legend = $("legend"), { pen, canvas } = this.copied(Math.max(0, -boxIn(this.element, legend).top));
-    pen.font = `${getComputedStyle(legend).fontSize} system-ui, sans-serif`;
-    for (const key of legend.querySelectorAll(".key")) {
-      const { x, y, height } = boxIn(this.element, key);
+    for (const key of legend ? $("legend").querySelectorAll(".key") : []) {
+      const { x, y, height } = boxIn(element, key), look = getComputedStyle(key);
       if (!height) continue;
+      pen.font = `${look.fontSize} ${font}`;
       pen.fillStyle = getComputedStyle(key, "::before").backgroundColor;
       pen.fillRect(x, y + height / 2 - 5, 11, 11);
-      pen.fillStyle = getComputedStyle(key).color;
+      pen.fillStyle = look.color;
       pen.fillText(key.textContent, x + 18, y + height / 2);
     }
-    pen.font = "600 12px system-ui, sans-serif";
+    pen.font = `600 12px ${font}`;
     this.labels.draw(pen);
-    return canvas.toDataURL("image/png");
+    return canvas;
   }
 }

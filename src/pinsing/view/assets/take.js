@@ -59,7 +59,7 @@ class Take {
 
   picture() {
     const download = `${this.app.page.robot.name.replace(/[^\w.-]+/g, "_") || "robot"}.png`;
-    make("a", { href: this.app.view.pictureWithLegend(), download }).click();
+    make("a", { href: this.app.view.still(true).toDataURL(), download }).click();
   }
 
   // A trajectory file, ready to be played: read by the program behind the page, as the command line reads it; by
