@@ -23,6 +23,7 @@ from pinsing.plot.style import (
     SMALL,
     held_label,
     joint_symbol,
+    labelled,
     legend_below,
     new_axes,
     plain,
@@ -284,12 +285,8 @@ def sigma_along(
         ax.plot(t[zero], drawn[zero, -1], "o", color=SINGULAR, markersize=3.5, label="singular")
     rows = _mark_crossings(ax, met, places, t[-1] - t[0])
     ax.set(yscale="log", xlim=(t[0], t[-1]), axisbelow=True)
-    ax.set_xlabel(
-        f"path length in joint space [{unit(False, degrees)}]" if times is None else "time [s]",
-        fontsize=SMALL,
-    )
-    ax.set_ylabel("singular values", fontsize=SMALL)
-    ax.tick_params(labelsize=SMALL)
+    length = f"path length in joint space [{unit(False, degrees)}]"
+    labelled(ax, length if times is None else "time [s]", "singular values")
     ax.grid(color="0.9", linewidth=0.6)
     ax.set_title(plain(arm.name), fontsize=SMALL + 1, pad=6 + _ROW * rows)
     legend_below(ax, 4)

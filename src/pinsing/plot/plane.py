@@ -20,7 +20,6 @@ from typing import Any, Literal
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from pinsing.algebra.conditions import Conditions, two_sided
@@ -41,9 +40,11 @@ from pinsing.plot.style import (
     DASHES,
     SINGULAR,
     SMALL,
+    coloured,
     held_label,
     joint_label,
     joint_symbol,
+    labelled,
     legend_below,
     new_axes,
     plain,
@@ -417,12 +418,9 @@ def workspace(
         near = np.abs(tips[:, across] - middle[across]) <= half
         grid, edges = _best(tips[near][:, [a, b]], values[near], low[[a, b]], size)
         mesh = ax.pcolormesh(*edges, grid.T, cmap="cividis", vmin=0, vmax=top, rasterized=True)
-        ax.set_xlabel(f"{'xyz'[a]} [m]", fontsize=SMALL)
-        ax.set_ylabel(f"{'xyz'[b]} [m]", fontsize=SMALL)
-        width = f"{middle[across] + 0.0:.3g} ± {half:.2g} m"
-        ax.set_title(f"{'xyz'[across]} = {width}", fontsize=SMALL)
+        title = f"{'xyz'[across]} = {middle[across] + 0.0:.3g} ± {half:.2g} m"
+        labelled(ax, f"{'xyz'[a]} [m]", f"{'xyz'[b]} [m]", title, numbers=SMALL - 1)
         ax.set_aspect("equal")
-        ax.tick_params(labelsize=SMALL - 1)
         ax.plot(0, 0, "s", color="#D55E00", markersize=4)
     bar = every[0].figure.colorbar(mesh, ax=every, location="right", shrink=0.75, pad=0.02)
     bar.set_label(f"{what}, best there{unit}", fontsize=SMALL)
@@ -532,22 +530,12 @@ def aspect_plane(
     legend_height = 0.147 * -(-len(lines) // columns)
     ax = new_axes(3.2 + legend_height) if ax is None else ax
     colours = [*_COLOURS[: len(named)], "#C8C8C8"]
-    shown = np.full(numbers.shape, float(len(named)))
-    for k, number in enumerate(named):
-        shown[numbers == number] = k
-    shown[numbers <= 0] = np.nan
-    sides = _sides(Q, plane)
-    ax.pcolormesh(
-        *sides, shown, cmap=ListedColormap(colours), vmin=-0.5, vmax=len(colours) - 0.5,
-        shading="nearest", rasterized=True,
-    )  # fmt: skip
+    shown = np.where(np.isin(numbers, named), np.searchsorted(named, numbers), len(named))
     edge = (np.diff(numbers, axis=0, append=numbers[-1:]) != 0) | (
         np.diff(numbers, axis=1, append=numbers[:, -1:]) != 0
     )
-    line = np.where(edge, 1.0, np.nan)
-    ax.pcolormesh(
-        *sides, line, cmap=ListedColormap(["#222222"]), shading="nearest", rasterized=True
-    )
+    shown = np.where(edge, len(colours), np.where(numbers > 0, shown, np.nan))
+    coloured(ax, *_sides(Q, plane), shown, [*colours, "#222222"])
     label_plane(ax, arm, Q, plane, plane, degrees)
     shades = colours if others else colours[:-1]
     for text, colour in zip(lines, shades + ["white"] * untold, strict=True):
@@ -1071,10 +1059,7 @@ def inverse_count(
     ax = new_axes(4.2) if ax is None else ax
     most = int(found.count.max(initial=0))
     colours = [_BLUES[min(k, len(_BLUES) - 1)] for k in range(most + 1)]
-    ax.pcolormesh(
-        found.r, found.z, found.count, cmap=ListedColormap(colours), vmin=-0.5, vmax=most + 0.5,
-        shading="nearest", rasterized=True,
-    )  # fmt: skip
+    coloured(ax, found.r, found.z, found.count, colours)
     for curve in found.curves:
         ax.plot(curve[:, 0], curve[:, 1], color="#333333", linewidth=0.9)
     for k in np.unique(found.count[found.count > 0]).tolist():
@@ -1091,10 +1076,8 @@ def inverse_count(
                 markeredgecolor="white", markeredgewidth=0.6, label=said,
             )  # fmt: skip
     ax.set(aspect="equal", xlim=(0, float(found.r[-1])))
-    ax.set_xlabel("distance from the first axis, r [m]", fontsize=SMALL + 1)
-    ax.set_ylabel("along it, z [m]", fontsize=SMALL + 1)
-    ax.tick_params(labelsize=SMALL)
     where = "within the joint limits" if limits else "without joint limits"
-    ax.set_title(f"{plain(arm.name)}: inverse solutions by position, {where}", fontsize=SMALL)
+    title = f"{plain(arm.name)}: inverse solutions by position, {where}"
+    labelled(ax, "distance from the first axis, r [m]", "along it, z [m]", title, size=SMALL + 1)
     legend_below(ax, 2, left=True)
     return ax

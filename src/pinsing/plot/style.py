@@ -11,8 +11,11 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.colors import ListedColormap
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 from matplotlib.transforms import ScaledTranslation
+
+from pinsing.measures import Array, NDArray
 
 COLUMN = 3.5
 """Width of a figure, inches: one column of a paper."""
@@ -112,6 +115,24 @@ def ticks(axis: Axis, low: float, high: float, slides: bool, degrees: bool = Fal
     else:
         axis.set_major_locator(MaxNLocator(5))  # numbers with decimals are wide
     axis.set_tick_params(labelsize=SMALL)
+
+
+def labelled(
+    ax: Axes, x: str, y: str, title: str = "", *, size: float = SMALL, numbers: float = SMALL
+) -> None:
+    """Label axes in letters and numbers of a size, with a small title."""
+    ax.set_xlabel(x, fontsize=size)
+    ax.set_ylabel(y, fontsize=size)
+    ax.set_title(title, fontsize=SMALL)
+    ax.tick_params(labelsize=numbers)
+
+
+def coloured(ax: Axes, x: Array, y: Array, numbers: NDArray[Any], colours: Sequence[str]) -> None:
+    """Colour a grid by whole numbers from 0 on; NaN stays blank."""
+    ax.pcolormesh(
+        x, y, numbers, cmap=ListedColormap(list(colours)), vmin=-0.5, vmax=len(colours) - 0.5,
+        shading="nearest", rasterized=True,
+    )  # fmt: skip
 
 
 def legend_below(

@@ -27,7 +27,7 @@ from pinsing.plot.mechanism import (
     panels,
     pose_maps,
 )
-from pinsing.plot.style import legend_of_all
+from pinsing.plot.style import SMALL, labelled, legend_of_all
 from pinsing.prose import Page, escaped as text
 from pinsing.report.document import (
     Section,
@@ -191,9 +191,7 @@ def _picture(mechanism: Mechanism, q: Array, kind: str) -> str:
 
     drawn, ax = plt.subplots(figsize=(3.4, 3.0))
     draw_linkage(mechanism, q, ax)
-    ax.set_xlabel("x [m]", fontsize=8)
-    ax.set_ylabel("y [m]", fontsize=8)
-    ax.tick_params(labelsize=7)
+    labelled(ax, "x [m]", "y [m]", numbers=SMALL - 1)
     marks = {
         "type 1": "the red ellipse of output velocities has become a line",
         "type 2": "blue arrows show the motion that locked inputs do not hold",

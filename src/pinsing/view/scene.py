@@ -164,6 +164,13 @@ def _lines(kind: str, points: Array, color: int) -> Data:
     return {**painted(shape, color, type="LineBasicMaterial"), "type": kind}
 
 
+_PLAIN: dict[type, Callable[[Any], Data]] = {
+    coal.Box: lambda box: _box(*(2.0 * float(x) for x in box.halfSide)),
+    coal.Sphere: lambda ball: _ball(float(ball.radius)),
+    coal.Cylinder: lambda one: rod(2.0 * float(one.halfLength), float(one.radius)),
+}
+
+
 def _parts(shape: pin.GeometryObject, mesh: Mesh | None) -> list[Data]:
     """A visual shape of a robot, or its mesh; ValueError or OSError if it cannot be shown."""
     r, g, b = (min(255, max(0, int(255 * float(x)))) for x in shape.meshColor[:3])
@@ -183,12 +190,8 @@ def _parts(shape: pin.GeometryObject, mesh: Mesh | None) -> list[Data]:
         drawn = _shape("_meshfile", format="obj", data=text)
     elif kind == ".stl":
         drawn = _shape("_meshfile", format="stl", data=_numbers("uint8", file.read_bytes()))
-    elif isinstance(form, coal.Box):
-        drawn = _box(*(2.0 * float(x) for x in form.halfSide))
-    elif isinstance(form, coal.Sphere):
-        drawn = _ball(float(form.radius))
-    elif isinstance(form, coal.Cylinder):
-        drawn = rod(2.0 * float(form.halfLength), float(form.radius))
+    elif type(form) in _PLAIN:
+        drawn = _PLAIN[type(form)](form)
     else:
         raise ValueError(f"it is a {type(form).__name__}")
     return [painted(drawn, **look)]
