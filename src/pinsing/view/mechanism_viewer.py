@@ -210,12 +210,9 @@ def groups(mechanism: Mechanism, analysis: MechanismAnalysis) -> tuple[Group, ..
         if not mine and locus.witness is not None:
             mine = [locus.witness]
         points = [p for p in points if not any(p is x for x in mine)]
-        more: tuple[str, ...] = (str(locus.equation),)
-        if locus.points_only:
-            more += ("isolated points",)
-        if not mine:
-            more += ("no configuration found where the loops close",)
-        found.append((f"{locus.kind}: {locus.words}", more, mine))
+        notes = ["isolated points"] * locus.points_only
+        notes += ["no configuration found where the loops close"] * (not mine)
+        found.append((f"{locus.kind}: {locus.words}", (str(locus.equation), *notes), mine))
     said = _over_pose(analysis)
     rest: dict[str, list[SingularPoint]] = {}
     for point in points:

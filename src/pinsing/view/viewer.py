@@ -602,18 +602,11 @@ class Viewer(Tab):
         self._way, self._coverage, self._clearest = shown, coverage, clearest
         # Bands at the sliders: joint ranges, distances, and why.
         self._zones = None if zones is None else _bands(zones, arm, [e.name for e in self.entries])
-        listed = ((i, 0) for i, entry in enumerate(self.entries) if entry.poses)
-        self._chosen = None if postures is not None else next(listed, None)
-        if postures is not None:
-            self._q = postures.q
-        elif self._chosen is not None:
-            self._q = self.entries[self._chosen[0]].poses[0]
-        else:
-            self._q = np.mean(arm.span, axis=0)
-        self._overlay = None
-        if visualizer is not None:
-            self._overlay = Overlay(visualizer, arm, self._sizes)
-            self._overlay.show(self._q, self._mode)
+        self._overlay = None if visualizer is None else Overlay(visualizer, arm, self._sizes)
+        # Where pages begin: at the pose whose postures are listed, or the first one of the list.
+        first = ((e.poses[0], (i, 0)) for i, e in enumerate(self.entries) if e.poses)
+        middle = np.mean(arm.span, axis=0), None
+        self._move(*(next(first, middle) if postures is None else (postures.q, None)))
 
     @checked
     def show(self, q: ArrayLike, words: str = "") -> None:
