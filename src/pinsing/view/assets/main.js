@@ -415,9 +415,10 @@ class App {
   }
 
   toggle() {
+    const { into, along } = this.page.entries[this.entry] ?? {};
     if (this.running) this.pause();
     else if (this.path || this.way) { if (!this.path) this.backOnWay(); this.player.resume(); }
-    else if (this.entry !== null) this.play(this.page.entries[this.entry].into ? "into" : "along");
+    else if (into || along) this.play(into ? "into" : "along");
   }
 
   // A slider moved.
