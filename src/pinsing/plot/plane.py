@@ -839,24 +839,21 @@ def cusps_of(section: Section, curves: list[Array]) -> Array:
     size = float(np.abs(section.tensor).max()) ** 3
     found: list[Array] = []
     for curve in curves:
-        t = section.tangent(curve)
         steep = np.linalg.norm(section.steepest(curve), axis=-1)
         row = np.argmax(np.linalg.norm(section.slopes(curve), axis=-1), axis=-1)
-        for k in range(len(curve) - 1):
-            a, b = t[k, row[k]], t[k + 1, row[k]]
-            flat = min(steep[k], steep[k + 1]) < _FLAT * size
-            if a * b >= 0 or flat or min(abs(a), abs(b)) < _FLAT * size * size:
-                continue
-            tangent = int(row[k])
+        ends = np.stack([section.tangent(curve)[:-1], section.tangent(curve)[1:]])
+        t = np.take_along_axis(ends, row[None, :-1, None], axis=-1)[..., 0]
+        told = (np.abs(t) >= _FLAT * size * size).all(axis=0)
+        told &= np.minimum(steep[:-1], steep[1:]) >= _FLAT * size
+        for k in np.flatnonzero(told & (t[0] * t[1] < 0)).tolist():
             x = root(
-                lambda y, tangent=tangent: [section.singular(y), section.tangent(y)[tangent]],
+                lambda y, r=int(row[k]): [section.singular(y), section.tangent(y)[r]],
                 (curve[k] + curve[k + 1]) / 2,
                 tol=1e-12,
             ).x
-            if np.linalg.norm(section.steepest(x)) < _CROSS * float(np.median(steep)):
-                continue
             near = np.linalg.norm(x - curve[k]) < 4 * np.linalg.norm(curve[k + 1] - curve[k])
-            if near and not any(_alike(section, x, y) for y in found):
+            crossed = np.linalg.norm(section.steepest(x)) < _CROSS * float(np.median(steep))
+            if near and not crossed and not any(_alike(section, x, y) for y in found):
                 found.append(x)
     return np.array(found).reshape(-1, 2)
 
@@ -885,13 +882,12 @@ def nodes_of(section: Section, lines: list[Array], cusps: Array, size: float) ->
     found: list[Array] = []
     for i in range(len(p) - 1):
         rest = np.arange(i + 1, len(p))
-        j = rest[(low[rest] <= high[i]).all(axis=1) & (high[rest] >= low[i]).all(axis=1)]
+        j = rest[(low[i + 1 :] <= high[i]).all(axis=1) & (high[i + 1 :] >= low[i]).all(axis=1)]
         cross = u[i, 0] * u[j, 1] - u[i, 1] * u[j, 0]
-        j = j[np.abs(cross) > _ANGLE * length[i] * length[j]]
+        apart = np.abs(cross) > _ANGLE * length[i] * length[j]
+        j, cross = j[apart], cross[apart]
         gap = p[j] - p[i]
-        cross = u[i, 0] * u[j, 1] - u[i, 1] * u[j, 0]
-        s = (gap[:, 0] * u[j, 1] - gap[:, 1] * u[j, 0]) / cross
-        t = (gap[:, 0] * u[i, 1] - gap[:, 1] * u[i, 0]) / cross
+        s, t = ((gap[:, 0] * w[..., 1] - gap[:, 1] * w[..., 0]) / cross for w in (u[j], u[i]))
         for k in np.flatnonzero((s >= 0) & (s < 1) & (t >= 0) & (t < 1)):
             both = np.stack([x[i] + s[k] * v[i], x[j[k]] + t[k] * v[j[k]]])
             at = _crossed(section, both, size, steep)
