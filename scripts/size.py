@@ -10,9 +10,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (34_976, 30_000),
-    "Python in src: lines": (67_593, 56_000),
-    "C++, JavaScript, templates, styles: lines": (10_920, 9_500),
+    "Python in src: statements": (34_943, 30_000),
+    "Python in src: lines": (67_568, 56_000),
+    "C++, JavaScript, templates, styles: lines": (10_907, 9_500),
     "modules": (137, 220),
     "packages directly under pinsing": (15, 16),
     "numbers in module constants": (492, 500),
