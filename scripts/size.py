@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
     "Python in src: statements": (34_943, 30_000),
     "Python in src: lines": (67_568, 56_000),
-    "C++, JavaScript, templates, styles: lines": (10_907, 9_500),
+    "C++, JavaScript, templates, styles: lines": (10_898, 9_500),
     "modules": (137, 220),
     "packages directly under pinsing": (15, 16),
     "numbers in module constants": (492, 500),
