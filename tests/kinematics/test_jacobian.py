@@ -12,7 +12,6 @@ from arms import CATALOGUE, differences, draw, pinocchio_jacobian, serial
 from command_line import run
 from dh_arms import dh_arm
 from kernel import needs_kernel
-from node import ask, needs_node
 from tiers import sampled, tiered
 from urdf_text import J, Y, Z, urdf
 
@@ -26,8 +25,6 @@ from pinsing.measures import status_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.task import parse_task
 from pinsing.sampling import plan_map, sigma_map, sweep
-from pinsing.view.scene import sizes
-from pinsing.view.viewer import engine_data
 
 AXES = {"tool-axis": 2, "tool-axis-x": 0, "tool-axis-y": 1}
 
@@ -280,22 +277,6 @@ def test_rows_of_both_axes_have_no_certificate_and_say_so():
     assert found.word != "proven"
     assert not found.proof.accepted
     assert "all in the tip's" in found.proof.reason
-
-
-@pytest.mark.slow
-@needs_node
-@pytest.mark.parametrize("task", tiered(["tool-axis", "vz,wx@tip,wy@tip"], {"tool-axis"}))
-def test_the_page_computes_the_same(task, rng):
-    arm = pinsing.load("puma560", task=task)
-    on = [family.sample(3, rng) for family in pinsing.closed_form(arm).families]
-    Q = np.concatenate([arm.space.sample(20, rng), *on])
-    data = engine_data(arm, (), sizes(arm))
-    found = ask("Q.map((q) => m.frameAt(data, q))", data=data, Q=Q)
-    for q, here in zip(Q, found, strict=True):
-        there = pinsing.at(arm, q)
-        np.testing.assert_allclose(here["sigma"], there.sigma, atol=1e-9)
-        assert (here["status"], here["rank"]) == (there.status, there.rank)
-        assert [m["kind"] for m in here["lost"]] == [m.kind for m in there.lost]
 
 
 def test_inverse_solutions_point_the_tool_and_leave_its_turn(rng):

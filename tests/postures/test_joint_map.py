@@ -13,11 +13,11 @@ from dh_arms import along, dh_arm
 from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from singular_sets import terms as equation_of
 from tiers import tiered, tiered_rows
 
 import pinsing
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.equation import Equation
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.postures import joint_map
 from pinsing.postures.boxes import Ground, Leaves, is_regular, on_boxes, slope, sum_of
@@ -191,18 +191,11 @@ def test_a_count_is_that_of_a_flood_fill(name, limits):
 
 def random_part(rng, d, low, high):
     """A box and R cos(q1 - phi) with random lengths: q1 once in every term."""
-    rows, sizes = [], rng.normal(size=2 + 2 * d)
-    for k in range(2 + 2 * d):
-        row = np.zeros(d, dtype=np.int64)
-        row[0] = 2
-        if k > 1:
-            row[1 + int(rng.integers(d - 1))] = 2 * rng.integers(-1, 2)
-        rows.append(row)
-    f = np.array(rows)
-    phase = rng.uniform(0, 2 * math.pi, len(f))
-    names = tuple(f"q{j + 1}" for j in range(d))
-    zero = np.zeros(d)
-    e = Equation(names, f, f * 0, sizes * np.cos(phase), sizes * np.sin(phase), zero)
+    sizes, phase = rng.normal(size=2 + 2 * d), rng.uniform(0, 2 * math.pi, 2 + 2 * d)
+    f = np.zeros((2 + 2 * d, d), dtype=np.int64)
+    f[:, 0] = 2
+    f[range(2, len(f)), rng.integers(1, d, 2 * d)] = 2 * rng.integers(-1, 2, 2 * d)
+    e = equation_of(*zip(f, f * 0, sizes * np.cos(phase), sizes * np.sin(phase), strict=True))
     arcs = tuple(joint_map.Arc(float(low[j]), float(high[j])) for j in range(d))
     return joint_map.Part(
         tuple(range(d)), tuple((a,) for a in arcs), (joint_map.Surface("F1", e, True),)
@@ -275,11 +268,8 @@ def test_a_saddle_on_a_limit_has_no_largest_value_and_a_hill_has_one():
         assert is_regular(ground, known, [0], x, h, sides).all() == regular
 
 
-def made(frequencies, cos, sin=None, powers=None):
-    f = np.array(frequencies, dtype=np.int64)
-    p = np.zeros_like(f) if powers is None else np.array(powers)
-    sin = np.zeros(len(f)) if sin is None else np.array(sin)
-    return Equation(("q1", "q2"), f, p, np.array(cos), sin, np.zeros(2))
+def made(frequencies, cos, sin=(0, 0, 0), powers=((0, 0),) * 3):
+    return equation_of(*zip(frequencies, powers, cos, sin, strict=False))
 
 
 def box(equation, low, high, circle=(False, False)):

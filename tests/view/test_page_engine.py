@@ -73,7 +73,10 @@ def flat(place: pin.SE3) -> list[float]:
     return [*place.rotation.ravel(), *place.translation]
 
 
-ARMS = ("ur5", "stanford", "surgical7", "panda", "kinova", "scara", "mimic")
+ARMS = (
+    "ur5", "stanford", "surgical7", "panda", "kinova", "scara", "mimic", "puma560 tool-axis",
+    "puma560 vz,wx@tip,wy@tip",
+)  # fmt: skip
 ODD = ("stanford at 3e8", "stanford vz,wx at 1e-3", "planar3r vx", "planar3r position at 3e8")
 
 
