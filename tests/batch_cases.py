@@ -3,7 +3,9 @@
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from arms import data_robot, ur5
+import pinocchio as pin
+from arms import data_robot, serial, ur5
+from scipy.spatial.transform import Rotation
 
 from pinsing.measures import Chain
 from pinsing.robot.arm import Arm
@@ -14,15 +16,9 @@ ROBOTS: dict[str, Callable[[], Arm]] = {
 }
 
 
-def random_rotation(rng: np.random.Generator) -> np.ndarray:
-    Q, R = np.linalg.qr(rng.standard_normal((3, 3)))
-    Q = Q * np.sign(np.diag(R))
-    return Q * np.sign(np.linalg.det(Q))
-
-
 def random_chain(n: int, kind: str, seed: int) -> Chain:
     rng = np.random.default_rng(seed)
-    R = np.array([random_rotation(rng) for _ in range(n + 1)])
+    R = Rotation.random(n + 1, rng).as_matrix()
     t = rng.uniform(-0.5, 0.5, (n + 1, 3))
     prismatic = {
         "revolute": np.zeros(n, bool),
@@ -33,32 +29,12 @@ def random_chain(n: int, kind: str, seed: int) -> Chain:
 
 
 def reference_jacobian(chain: Chain, q: np.ndarray) -> np.ndarray:
-    """Jacobian by products of homogeneous matrices, one configuration."""
-    n = chain.n
-    C = np.tile(np.eye(4), (n + 1, 1, 1))
-    C[:, :3, :3], C[:, :3, 3] = chain.R, chain.t
-    T, frames = C[0], []
-    for i in range(n):
-        frames.append(T)
-        M = np.eye(4)
-        if chain.prismatic[i]:
-            M[2, 3] = q[i]
-        else:
-            c, s = np.cos(q[i]), np.sin(q[i])
-            M[:2, :2] = [[c, -s], [s, c]]
-        T = T @ M @ C[i + 1]
-    J = np.zeros((6, n))
-    for i, frame in enumerate(frames):
-        z = frame[:3, 2]
-        if chain.prismatic[i]:
-            J[:3, i] = z
-        else:
-            J[:3, i], J[3:, i] = np.cross(z, T[:3, 3] - frame[:3, 3]), z
-    return J
-
-
-def low_rank(rng: np.random.Generator, N: int, m: int, n: int, rank: int) -> np.ndarray:
-    return rng.standard_normal((N, m, rank)) @ rng.standard_normal((N, rank, n))
+    """Jacobian by Pinocchio, one configuration."""
+    *places, tip = (pin.SE3(R, t) for R, t in zip(chain.R, chain.t, strict=True))
+    kinds = (pin.JointModelPZ() if slides else pin.JointModelRZ() for slides in chain.prismatic)
+    model = serial(zip(kinds, places, strict=True), tip)
+    how = q, model.getFrameId("tip"), pin.LOCAL_WORLD_ALIGNED
+    return pin.computeFrameJacobian(model, model.createData(), *how).reshape(6, chain.n)
 
 
 def with_values(rng: np.random.Generator, s: np.ndarray, m: int, n: int) -> np.ndarray:
@@ -80,7 +56,8 @@ def matrices(m: int, n: int, N: int) -> Iterator[tuple[str, np.ndarray, np.ndarr
     near = np.concatenate([rng.uniform(0.5, 1, (N, k - 1)), 10 ** rng.uniform(-20, 0, (N, 1))], 1)
     cases = {"regular": A, "zero": np.zeros((20, m, n))}
     for missing in range(1, min(4, k)):
-        cases[f"rank less {missing}"] = low_rank(rng, N, m, n, k - missing)
+        thin = rng.standard_normal((N, m, k - missing))
+        cases[f"rank less {missing}"] = thin @ rng.standard_normal((N, k - missing, n))
     for row in (0, m // 2, m - 1):
         cases[f"zero row {row}"] = A * (np.arange(m) != row)[:, None]
     for column in (0, n // 2, n - 1):

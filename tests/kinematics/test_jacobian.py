@@ -24,7 +24,7 @@ from pinsing.kinematics.refine import describe
 from pinsing.measures import status_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.task import parse_task
-from pinsing.sampling import plan_map, sigma_map, sweep
+from pinsing.sampling import sigma_map, sweep
 
 AXES = {"tool-axis": 2, "tool-axis-x": 0, "tool-axis-y": 1}
 
@@ -398,9 +398,8 @@ def test_all_that_judge_agree(name: str, task: str, metre: float, length_scale: 
 @pytest.mark.parametrize(("name", "task", "metre"), [*CASES[1::3], ("ur5", "tool-axis", 1)])
 def test_maps_and_sweeps_count_what_at_says(name, task, metre, length_scale: float) -> None:
     arm = judged(name, task, metre, length_scale)
-    plan = plan_map(arm, "grid", steps=3, joints=arm.joints[-3:], ignore_limits=True)
-    here = [pinsing.at(arm, q).status for q in plan.configurations(0, plan.count)]
     found = sigma_map(arm, "grid", steps=3, joints=arm.joints[-3:], ignore_limits=True)
+    here = [pinsing.at(arm, q).status for q in found.plan.configurations(0, found.plan.count)]
     assert found.singular == here.count("singular")
     assert found.near_singular == here.count("near-singular")
     assert all(p.status == pinsing.at(arm, p.q).status for p in found.worst)

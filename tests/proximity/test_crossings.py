@@ -217,13 +217,11 @@ def test_speeds_along_a_line() -> None:
         line = check_line(arm, q, target, speed=0.25, forms=form)
         rate = np.abs(np.diff(line.q, axis=0)) / np.diff(line.s)[:, None] * 0.25
         middle = (line.s[1:] + line.s[:-1]) / 2
-        for j in range(6):
-            for s, v in zip(middle, rate[:, j], strict=True):
-                own = [o for o in line.too_fast if o.joint == arm.joints[j]]
-                inside = any(o.s <= s <= o.s_end for o in own)
-                if abs(v - limits[j]) > 0.05 * limits[j]:
-                    assert inside == (v > limits[j])
-                    seen += inside
+        inside, clear = np.zeros(rate.shape, bool), np.abs(rate - limits) > 0.05 * limits
+        for o in line.too_fast:
+            inside[:, arm.joints.index(o.joint)] |= (o.s <= middle) & (middle <= o.s_end)
+        assert (inside == (rate > limits))[clear].all()
+        seen += inside[clear].sum()
         if line.outcome == "singular":
             assert line.allowed_speed == 0.0
         else:

@@ -8,10 +8,10 @@ import shlex
 import numpy as np
 import pytest
 from command_line import run
+from dh_arms import dh_arm
 from kernel import needs_kernel
 from singular_sets import Joint, arm_of, build, closed
 from tiers import tiered
-from urdf_text import J, frame, urdf
 
 import pinsing
 from pinsing.errors import PinsingError
@@ -82,12 +82,8 @@ def test_arms_without_limits_and_continuous_joints() -> None:
     bounded = build(
         [Joint(d=0.2), Joint(np.pi / 2, 0.1), Joint(a=0.4)], (0.3, 0, 0), task="position"
     )
-    joints = [
-        J(f"j{i}", f"l{i - 1}", f"l{i}", (0.3, 0, 0.1), rpy=(turn, 0, 0))
-        for i, turn in enumerate((0.0, np.pi / 2, 0.0), 1)
-    ]
-    tip = frame("tip", "l3", (0.2, 0, 0))
-    free = pinsing.load(urdf([*joints, tip]), tip="tip", task="position")
+    rows = (90, 0.3, 0.1), (0, 0.3, 0.1), (0, 0.2, 0)
+    free = dh_arm([(*row, 0, "continuous") for row in rows], "position")
     assert np.isinf(free.lower).all()
     for arm in (bounded, free):
         found = pinsing.suggest(arm)
