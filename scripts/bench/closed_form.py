@@ -40,7 +40,7 @@ from typing import Any, NamedTuple
 
 import pinsing
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.jacobian_matrix import independent_rows, jacobian_matrix
+from pinsing.algebra.jacobian_matrix import dependent, jacobian_matrix
 from pinsing.algebra.ring import make_ring
 from pinsing.families import ClosedForm, closed_form, prove
 from pinsing.families.certificate import text_of
@@ -139,7 +139,9 @@ def polynomial(geometry: Nominal, rows: Sequence[int]) -> object:
     from sympy.polys.matrices import DomainMatrix
 
     own = make_ring(geometry.prismatic)
-    matrix = independent_rows(jacobian_matrix(geometry, own, geometry.arm.task, Budget(60.0)), own)
+    matrix = jacobian_matrix(geometry, own, geometry.arm.task, Budget(60.0))
+    gone = dependent(matrix, own)
+    matrix = [row for i, row in enumerate(matrix) if i not in gone]
     domain, *_ = ring(own.context.names(), QQ)
     size = min(len(matrix), len(matrix[0]))
 

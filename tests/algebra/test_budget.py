@@ -27,7 +27,7 @@ from pinsing.families.zero_set import SearchBox, proven_empty, search, thrown
 from pinsing.proof.checker import Ring
 from pinsing.robot.nominal import nominal
 
-forks = pytest.mark.skipif(not budget.possible(), reason="processes cannot be forked here")
+forks = pytest.mark.skipif(not budget.FORKS, reason="processes cannot be forked here")
 _JOINTS = 6
 _PI = np.full(_JOINTS, np.pi)
 _BOX = SearchBox(-_PI, _PI, np.ones(_JOINTS, dtype=bool), np.zeros(_JOINTS))
@@ -104,7 +104,7 @@ def test_parts_of_a_budget_count_together_and_take_shares_of_work() -> None:
 def test_work_stops_a_search_whatever_the_clock_says(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is found does not depend on how fast the machine is: here a hundred times as fast."""
     arm = pinsing.load("panda", task="position")
-    monkeypatch.setattr(budget, "possible", lambda: False)
+    monkeypatch.setattr(budget, "FORKS", False)
     found = []
     for rate in (0.1, 0.001):
         monkeypatch.setattr(budget, "time", SimpleNamespace(monotonic=slowed(rate)))

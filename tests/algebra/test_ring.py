@@ -17,8 +17,8 @@ from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import SearchPlace
 from pinsing.algebra.jacobian_matrix import (
     Minors,
+    dependent,
     determinant,
-    independent_rows,
     jacobian_matrix,
     reduce_matrix,
 )
@@ -290,9 +290,7 @@ def test_rows_that_are_combinations_of_others_are_dropped_and_no_others(ring):
                 factor = draw.randint(-2, 2)
                 mixed = [m + factor * x for m, x in zip(mixed, row, strict=True)]
             rows.insert(draw.randint(0, len(rows)), [ring.reduce(x) for x in mixed])
-        kept = independent_rows(rows, ring)
-        assert len(kept) == count
-        assert all(row in rows for row in kept)
+        assert len(rows) - len(dependent(rows, ring)) == count
 
 
 STRAIGHT, BACK = (Fraction(1), Fraction(0)), (Fraction(0), Fraction(1))

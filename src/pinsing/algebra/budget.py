@@ -144,9 +144,8 @@ _MEMORY = 1_500_000_000
 """Bytes of data that a child may have: a step that needs more is given up."""
 
 
-def possible() -> bool:
-    """Return True if processes can be forked without harm here."""
-    return hasattr(os, "fork") and sys.platform == "linux"
+FORKS = hasattr(os, "fork") and sys.platform == "linux"
+"""Whether processes can be forked without harm here."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,10 +187,10 @@ class Apart:
 
     def run(self, work: Callable[[], T], at_once: bool = False) -> Outcome[T]:
         """The result of ``work``, to be pickled if from a child; forked first if ``at_once``."""
-        if possible():
+        if FORKS:
             self._budget.meter.when_long = self._fork
         try:
-            if at_once and possible():
+            if at_once and FORKS:
                 self._fork()
             result = work()
         except _HandedOver:
@@ -243,7 +242,7 @@ class Apart:
             # Seconds that a child has after its time to say what it has.
             while self._from_child.poll(min(max(self._until + 0.1 - time.monotonic(), 0.0), 1e6)):
                 kind, what, done = self._from_child.recv()
-                self._budget.spend(done - self._budget.meter.done)
+                self._budget.meter.done = done
                 if kind == "result":
                     return Outcome(what, told)
                 if kind == "problem":

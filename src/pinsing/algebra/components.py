@@ -72,7 +72,7 @@ class FoundComponents:
         self.ring, self._tell = ring, tell
         # the redundant ones too, with generic points of all parts of systems
         self._all: list[tuple[Component, Sequence[SlicePoint]]] = []
-        self._passed: list[Component] = []
+        self._passed: list[tuple[Component, Sequence[SlicePoint]]] = []
         self._held: list[tuple[SlicePoint, Component]] = []
 
     def add(
@@ -106,7 +106,7 @@ class FoundComponents:
         for c in self.all:
             if inside(here, c, self.ring):
                 if c != here:
-                    self._passed.append(replace(here, proven=c.proven))
+                    self._passed.append((replace(here, proven=c.proven), ()))
                 return True
         return False
 
@@ -129,16 +129,19 @@ class FoundComponents:
             own = [s for s in points if not on_any(kept, s)]
             if own or not points:
                 kept.append(c)
-                out += self._parts(c, own, time)
-        while left := self._unaccounted(out):
-            out.append(left)
+                out += self._parts(c, own, time) if own else [c]
+        # What was found, or passed over as a part of it, and is in none of these.
+        for c, points in (*self._all, *self._passed):
+            there = points and all(on_any(out, s) for s in points)
+            if not there and not any(inside(c, k, self.ring) for k in out):
+                out.append(c)
+        for s, c in self._held:
+            out += [] if on_any(out, s) else [c]
         return out
 
     def _parts(self, c: Component, own: list[SlicePoint], time: Budget) -> list[Component]:
         """A system part by part, and stated by as few equations as its codimension."""
         count = c.codimension - len(c.values)
-        if not own:
-            return [c]
         relations = divided(c.relations, self.ring)
         if relations == c.relations and len(relations) <= count:
             return [c]
@@ -150,18 +153,8 @@ class FoundComponents:
         for relations, on in parts:
             part = settled(replace(c, relations=relations), self.ring)
             # With fewer joints in them, or fewer points on them, equations fall apart that did not.
-            out += [part] if part == c else self._parts(part, on, time)
+            out += [part] if part == c or not on else self._parts(part, on, time)
         return out
-
-    def _unaccounted(self, kept: Sequence[Component]) -> Component | None:
-        """Something that was found, or passed over as a part of it, and is in none of these."""
-        apart = (
-            c for c, points in self._all if not (points and all(on_any(kept, s) for s in points))
-        )
-        for c in itertools.chain(apart, self._passed):
-            if not any(inside(c, k, self.ring) for k in kept):
-                return c
-        return next((c for s, c in self._held if not on_any(kept, s)), None)
 
 
 def by_size(c: Component) -> tuple[int, int]:

@@ -27,14 +27,9 @@ import numpy as np
 from flint import Ordering, fmpz_mpoly_ctx
 
 from pinsing.algebra.ring import Poly, Ring, terms_of, whole_terms
-from pinsing.measures import Array, ArrayLike, Bool, Ints
+from pinsing.measures import Array, ArrayLike, Ints
 from pinsing.robot.arm import Memory
 from pinsing.robot.surd import SQUARES, Exact, exact_of, exact_text, parts_of, surd
-
-
-def joint_text(name: str, latex: bool) -> str:
-    """A joint's symbol, as plain text or LaTeX."""
-    return latex_symbol(name) if latex else name
 
 
 def angles_text(values: Sequence[float], latex: bool = False) -> str:
@@ -46,8 +41,10 @@ def angles_text(values: Sequence[float], latex: bool = False) -> str:
     return either.join(format_angle(v, latex) for v in ordered)
 
 
-def latex_symbol(symbol: str) -> str:
+def symbol_text(symbol: str, latex: bool = True) -> str:
     r"""``q_{12}`` for q12, ``\alpha_{2}`` for alpha2; names of several words upright."""
+    if not latex:
+        return symbol
     head = symbol.rstrip("0123456789")
     digits = symbol[len(head) :]
     if head == "alpha":
@@ -312,7 +309,7 @@ class Equation(Memory):
         for t in self._reading_order:
             factors = []
             for j in self.powers[t].nonzero()[0]:
-                name, power = joint_text(self.joints[j], latex), int(self.powers[t, j])
+                name, power = symbol_text(self.joints[j], latex), int(self.powers[t, j])
                 raised = f"{name}^{{{power}}}" if latex else f"{name}^{power}"
                 factors.append(raised if power > 1 else name)
             angle = self._angle(self.frequencies[t], latex)
@@ -338,7 +335,7 @@ class Equation(Memory):
     def _angle(self, frequency: Array, latex: bool, shift: bool = True) -> str:
         """``q2``, ``(q2+q3)``, ``(2 q4 - q5 + 12 deg)``, or nothing for the constant term."""
         used = np.flatnonzero(frequency)
-        parts = [(frequency[j] / 2, joint_text(self.joints[j], latex)) for j in used]
+        parts = [(frequency[j] / 2, symbol_text(self.joints[j], latex)) for j in used]
         if not parts:
             return ""
         halves = any(k != int(k) for k, _ in parts)
@@ -455,22 +452,19 @@ def scale_to_lengths(equation: Equation, lengths: Sequence[float]) -> Equation:
     # Of more coefficients than these no common length is looked for.
     if len(found) < 2 or len(found) > 16 or not known or equation.powers.any():
         return equation
-    single = np.array(known)
     pairs = np.sort([abs(a + s * b) for a in known for b in known for s in (1, -1)])
-
     largest = sorted(set(np.round(found, 14).tolist()), reverse=True)  # np.unique takes an import
     factors = [length / c for c in largest for length in known]
     scaled = found * np.array(factors)[:, None]
-
-    def matches(targets: Array) -> Bool:
-        """Return which of the values (factors, coefficients) are one of the targets, ascending."""
+    # Which of the values (factors, coefficients) are lengths, and which are sums of two.
+    matches = []
+    for targets in (np.array(known), pairs):
         place = np.searchsorted(targets, scaled)
         below, above = targets[place - 1], targets[place % len(targets)]
         off = np.minimum(np.abs(scaled - below), np.abs(scaled - above))
-        return np.asarray(off < 1e-9 * scaled)
-
-    alone = matches(single)
-    points = alone.sum(axis=1) + 0.4 * (~alone & matches(pairs)).sum(axis=1)
+        matches.append(off < 1e-9 * scaled)
+    alone, paired = matches
+    points = alone.sum(axis=1) + 0.4 * (~alone & paired).sum(axis=1)
     best = int(points.round(6).argmax())
     enough = points[best] >= max(1.4, 0.6 * len(found))
     return equation.scaled(factors[best]) if enough else equation

@@ -33,30 +33,6 @@ _NO_CONSTANT = 1000
 _Place = tuple[int, Monomial]  # column and monomial
 
 
-def primitive(line: list[Poly], ring: Ring) -> list[Poly]:
-    """Divide a row or column by the x^2 + y^2 that all its entries share."""
-    filled = [x for x in line if x]
-    if not filled or min(map(len, filled)) == 1:  # a multiple has two terms at least
-        return line
-    degrees = [x.degrees() for x in filled]
-    for j, w in enumerate(ring.w):
-        # Only what has both squares can be a multiple.
-        if w is None or any(d[v] < 2 for v in ring.variables(j) for d in degrees):
-            continue
-        while True:
-            parts = [divmod(x, w) for x in line]
-            if any(r != 0 for _, r in parts):
-                break
-            line = [q for q, _ in parts]
-    return line
-
-
-def independent_rows(matrix: Matrix, ring: Ring) -> Matrix:
-    """Drop rows that are combinations of others with constant factors: no rank is lost."""
-    gone = dependent(matrix, ring)
-    return [row for i, row in enumerate(matrix) if i not in gone]
-
-
 def dependent(
     lines: Sequence[Sequence[Poly]], ring: Ring, check: Callable[[], None] = lambda: None
 ) -> dict[int, dict[int, Any]]:
@@ -89,9 +65,12 @@ def reduce_matrix(matrix: Matrix, rank: int, ring: Ring, time: Budget) -> tuple[
     """Use up pivots that never vanish: the rest is below its rank exactly where the given is."""
     rows, never = matrix, MadeOnce()
     while True:
-        rows = independent_rows([primitive(row, ring) for row in rows if any(row)], ring)
+        rows = [ring.stripped(row) for row in rows if any(row)]
+        # Without combinations of others with constant factors no rank is lost.
+        gone = dependent(rows, ring)
+        rows = [row for i, row in enumerate(rows) if i not in gone]
         # Without columns of zeros: with them a bound on codimensions would be too large.
-        filled = [primitive(list(c), ring) for c in zip(*rows, strict=True) if any(c)]
+        filled = [ring.stripped(c) for c in zip(*rows, strict=True) if any(c)]
         rows = [list(row) for row in zip(*filled, strict=True)]
         if not rows or rank <= 0:
             return rows, rank
@@ -304,7 +283,7 @@ class _Chain:
                     factor = functools.reduce(self.of, factors[: i + 1] + factors[i + 2 :])
                     both = zip(total, column, strict=True)
                     total = [self.ring.reduce(t + self.of(x, factor)) for t, x in both]
-            out.append(primitive(total, self.ring))
+            out.append(self.ring.stripped(total))
         return [list(row) for row in zip(*out, strict=True)]
 
 

@@ -317,14 +317,22 @@ class Ring:
 
     def strip(self, poly: Poly) -> Poly:
         """Divide out every x^2 + y^2, which no real angle makes zero."""
-        if len(poly) < 2:
-            return poly
-        degrees = poly.degrees()
+        return self.stripped([poly])[0]
+
+    def stripped(self, line: Sequence[Poly]) -> list[Poly]:
+        """Divide out every x^2 + y^2 that all of some polynomials share."""
+        line, filled = list(line), [x for x in line if x]
+        if not filled or min(map(len, filled)) == 1:  # a multiple has two terms at least
+            return line
+        degrees = [x.degrees() for x in filled]
         for j, w in enumerate(self.w):
-            # Only what has both squares is divided.
-            if w is not None and min(degrees[v] for v in self.variables(j)) >= 2:
-                poly = divided_by(poly, w)
-        return poly
+            # Only what has both squares can be a multiple.
+            shared = w is not None and min(d[v] for d in degrees for v in self.variables(j)) >= 2
+            while shared:
+                parts = [divmod(x, w) for x in line]
+                if shared := all(r == 0 for _, r in parts):
+                    line = [q for q, _ in parts]
+        return line
 
     def factors(self, poly: Poly, time: Budget | None = None) -> list[Poly]:
         """Irreducible factors, without multiplicity and without any x^2 + y^2.
@@ -351,10 +359,12 @@ class Ring:
 
     def _factors(self, poly: Poly) -> list[Poly]:
         """See ``factors``."""
-        poly = poly if self.rational else self.strip(poly)
-        forms = None if self.rational else self._of_form(poly)
-        found = self._irreducible(poly) if forms is None else forms
-        found = found if self.rational else list(map(self.monic, found))
+        if self.rational:
+            found = [f for f, _ in poly.factor()[1]]
+        else:
+            poly = self.strip(poly)
+            forms = self._of_form(poly)
+            found = list(map(self.monic, self._irreducible(poly) if forms is None else forms))
         return [f for f in found if not any(w is not None and f == w for w in self.w)]
 
     def fixing(self, joint: int, value: Value) -> Poly:
@@ -391,8 +401,6 @@ class Ring:
 
     def _irreducible(self, poly: Poly) -> list[Poly]:
         """Irreducible factors of any polynomial, over the field of the roots."""
-        if self.rational:
-            return [f for f, _ in poly.factor()[1]]
         found: list[Poly] = []
         for f in self._factor(self.monic(poly), len(self.roots)):
             if f not in found:

@@ -29,10 +29,10 @@ from pinsing.algebra.conditions import Branch
 from pinsing.algebra.equation import (
     Equation,
     format_angle,
-    joint_text,
     moved,
     signed_sum,
     sized,
+    symbol_text,
 )
 from pinsing.families.zero_set import MOST_ORDERED, peeled, system_of
 from pinsing.measures import Array
@@ -164,7 +164,7 @@ def _factors(atoms: Product, equation: Equation, latex: bool) -> str:
     """A product in one line."""
     said = []
     for (j, function, k), power in Counter(atoms).items():
-        name = joint_text(equation.joints[j], latex)
+        name = symbol_text(equation.joints[j], latex)
         base, angle = name, ""
         if function != "pow":
             base = "\\" * latex + function[:3]
@@ -276,7 +276,7 @@ def _entry(kind: str) -> tuple[str, str, int, dict[str, tuple[str, int]]]:
 
 def _named(equation: Equation, joint: int, latex: bool = False) -> str:
     """A joint with what its angle is counted from."""
-    name, shift = joint_text(equation.joints[joint], latex), float(equation.shift[joint])
+    name, shift = symbol_text(equation.joints[joint], latex), float(equation.shift[joint])
     if not shift:
         return name
     shown = moved(name, shift, format_angle(abs(shift), latex))

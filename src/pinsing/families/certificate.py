@@ -329,13 +329,9 @@ class Tree:
         # nothing new go on for ever.
         self._most = max([8, *map(len, self.families)])
         self._fixed = [{*self.ring.where(family)[0]} for family in self.families]
-        self._ids = MadeOfEqual()
-        self._toward = {self._id(draft.tidy(p)) for family in self.families for p in family}
+        self._ids = MadeOfEqual()  # the same number for equal forms
+        self._toward = {self._ids.of(draft.tidy(p), id) for family in self.families for p in family}
         self._places: dict[tuple[bool, frozenset[int]], Place | NotFound] = {}
-
-    def _id(self, form: Poly) -> int:
-        """The same number for equal forms."""
-        return self._ids.of(form, id)  # type: ignore[no-any-return]
 
     def place(self, forms: Sequence[Poly], points: bool = False) -> Place | None:
         """The place where forms vanish, closed or split; None where it is empty.
@@ -345,7 +341,7 @@ class Tree:
         place = self.draft.without_implied(self.draft.place_of(forms, points))
         if not all(map(self.ring.joints, place.relations)):
             return None  # one of them is a number
-        key = points, frozenset(map(self._id, place.forms))
+        key = points, frozenset(self._ids.of(p, id) for p in place.forms)
         if key in self._places:
             if isinstance(known := self._places[key], NotFound):
                 raise known
@@ -532,9 +528,9 @@ class Tree:
 
     def _effort(self, split: Split) -> tuple[int, int]:
         """Return the terms of factors that lead to what is not wanted, and how many there are."""
-        factors, near = self.draft.factors(split.form), self._toward
-        long = [len(f) for f, _ in factors if not (self.draft.fixes(f) or self._id(f) in near)]
-        return sum(long), len(factors)
+        factors, near = [f for f, _ in self.draft.factors(split.form)], self._toward
+        long = [f for f in factors if not self.draft.fixes(f) and self._ids.of(f, id) not in near]
+        return sum(map(len, long)), len(factors)
 
     def _at_points(self, place: Place, minors: list[Split]) -> Iterator[Split]:
         """Minors with joints that occur in no relation at points: a component has all of these."""
@@ -556,7 +552,7 @@ class Tree:
                 if poly != 0 and not any(self.ring.divides(p, poly) for p in place.relations):
                     (poly,) = self.ring.stripped(poly)
                     found.setdefault(
-                        self._id(self.draft.tidy(poly)),
+                        self._ids.of(self.draft.tidy(poly), id),
                         Split([(self.ring.one, ("of_minors", lines, at))], poly),
                     )
         for split in sorted(found.values(), key=lambda s: len(s.form)):
@@ -606,7 +602,7 @@ class Tree:
         """A relation that is, but for a multiple of another one, that of a family times others."""
         ring, relations, first = self.ring, place.relations, len(place.values)
         wanted = {
-            self._id(f): f
+            self._ids.of(f, id): f
             for family in self.families
             for p in family
             for f in ring.stripped(ring.put(p, place.values))

@@ -41,8 +41,8 @@ from pinsing.algebra.equation import (
     Equation,
     angles_text,
     equation,
-    joint_text,
     scale_to_lengths,
+    symbol_text,
 )
 from pinsing.algebra.real_roots import (
     AlgebraicValue,
@@ -118,7 +118,7 @@ class PieceMaker:
         """Which points of equations are singular, where that is to be asked; see ``Family``."""
         self.products = False
         """Whether relations may be products, whose roots are not to be listed."""
-        self._met, self._made = MadeOnce(), MadeOnce()
+        self._made = MadeOnce()
         arm = geometry.arm
         self.space = arm.space
         flat = [float(x) for row in geometry.translation for x in row]
@@ -148,7 +148,8 @@ class PieceMaker:
         else:  # smaller than the set of complex zeros
             codimension = len(fixed) + len(self.ring.joints_of(others[0]))
             others = []
-        equations, alive = [self.equation_of(p) for p in others], list[Branch]()
+        equations = [self.equation_of(p) for p in others]
+        alive: dict[bool | None, list[Branch]] = {True: [], None: [], False: []}
         for solution in found:
             values, left = [self._algebraic(j, v) for j, v in solution.items()], equations
             for v in values:
@@ -156,13 +157,12 @@ class PieceMaker:
                 left = _distinct([e for e in put if e is not None])
             held = sorted([*fixed, *values], key=lambda v: v.joint)
             branch = Branch(tuple(held), tuple(left))
-            alive += [] if self._empty(branch) else [branch]
-        known = [b for b in alive if sure or self._has_point(b)]
-        unknown = [b for b in alive if b not in known]
+            real = self._real(branch)
+            alive[True if real is None and sure else real].append(branch)
         return [
-            SolvedPiece(tuple(part), tuple(minimal), real, codimension, component)
-            for part, real in ((known, True), (unknown, False))
-            if part
+            SolvedPiece(tuple(alive[real]), tuple(minimal), bool(real), codimension, component)
+            for real in (True, None)
+            if alive[real]
         ]
 
     def pieces(self, component: Component, components: Sequence[Component]) -> list[SolvedPiece]:
@@ -288,22 +288,18 @@ class PieceMaker:
             poly, lambda p: scale_to_lengths(equation(p, *given), self.lengths)
         )
 
-    def _has_point(self, branch: Branch) -> bool:
-        """Return True if a point of a branch is found; looked for once."""
-        if not branch.equations and self.confirm is None:
-            return True
-        return bool(self._met.of(branch, lambda b: self.find(b, 1).size))
-
-    def _empty(self, branch: Branch) -> bool:
+    def _real(self, branch: Branch) -> bool | None:
+        """Return whether a branch has a real point; None where none is found, and may be."""
+        equations = branch.equations
         # A constant is far above rounding: its root goes with another one.
-        if any(not e.involved or never_zero(e) for e in branch.equations):
-            return True
-        if not branch.equations or self._has_point(branch) or self.time.over:
+        if any(not e.involved or never_zero(e) for e in equations):
             return False
+        if (not equations and self.confirm is None) or self.find(branch, 1).size:
+            return True
         # No box holds all values of a slider.
-        return not any(e.powers.any() for e in branch.equations) and proven_empty(
-            branch.equations, self.lower, self.upper
-        )
+        if not equations or self.time.over or any(e.powers.any() for e in equations):
+            return None
+        return False if proven_empty(equations, self.lower, self.upper) else None
 
 
 def _distinct(equations: Sequence[Equation]) -> list[Equation]:
@@ -411,7 +407,7 @@ def _written(equations: Sequence[Equation], latex: bool) -> tuple[str, ...]:
         joints = enumerate(sorted(e.involved[0] for e in straight))
         said = list[str]()
         for _, run in itertools.groupby(joints, lambda at: at[1] - at[0]):
-            ends = [joint_text(straight[0].joints[j], latex) for _, j in run]
+            ends = [symbol_text(straight[0].joints[j], latex) for _, j in run]
             to = r"\ \text{to}\ " if latex else " to "
             said += [f"{ends[0]}{to}{ends[-1]}"] if len(ends) > 2 else ends
         text = f"{listed(said)} each 0° or 180°"
@@ -426,7 +422,7 @@ def _written(equations: Sequence[Equation], latex: bool) -> tuple[str, ...]:
     size = f"{sizes[0]} to {sizes[-1]}" if len(sizes) > 1 else f"{sizes[0]}"
     text = f"{len(long)} equations at once in {listed(names)} [{size} terms]"
     if latex:
-        within = ", ".join(joint_text(name, latex) for name in names)
+        within = ", ".join(symbol_text(name, latex) for name in names)
         text = rf"{len(long)}\ \text{{equations at once in}}\ {within}"
     return (*(_write(e, latex, False) for e in equations if e not in long), text)
 
@@ -464,7 +460,7 @@ def _joint_text(
     symbol: str, values: Sequence[float], slides: bool, solved: Sequence[Equation], latex: bool
 ) -> str:
     """``d3 = 0``, or ``sin q6 = -0.2 (q6 = ...)`` where its values are those of an equation."""
-    name = joint_text(symbol, latex)
+    name = symbol_text(symbol, latex)
     if slides:
         unit, either = (r"\,\mathrm{m}", r"\ \text{or}\ ") if latex else (" m", " or ")
         return f"{name} = {either.join(f'{v:.6g}{unit}' if v else '0' for v in values)}"

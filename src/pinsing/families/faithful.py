@@ -22,7 +22,7 @@ from pinsing.algebra.trig_sum import TINY
 from pinsing.families.family import Family
 from pinsing.families.zero_set import BLUNT, OwnPoints, SearchBox, project, system_of
 from pinsing.interface import typed
-from pinsing.measures import ALIKE, FLOAT_NOISE, Array
+from pinsing.measures import ALIKE, FLOAT_NOISE, Array, Ints
 from pinsing.robot.mimic import own_offsets
 from pinsing.robot.nominal import Nominal
 
@@ -60,26 +60,6 @@ def disagreements(
     return list(dict.fromkeys(said))
 
 
-class _Form:
-    """A polynomial in numbers: exponents (T, variables), and coefficients (T,), largest 1."""
-
-    def __init__(self, poly: Poly, ring: Ring) -> None:
-        terms = terms_of(poly)
-        top = max(abs(c) for c in terms.values())
-        every = np.array(list(terms), dtype=np.int64)
-        self.numbers = np.array([int(q.p) / int(q.q) for q in (c / top for c in terms.values())])
-        for at, square in enumerate(ring.roots, ring.nvars):
-            self.numbers = self.numbers * math.sqrt(square) ** every[:, at]
-        self.exponents = every[:, : ring.nvars]
-
-    def __call__(self, x: Array) -> tuple[Array, float]:
-        """Return values (N,) at x (N, variables), and how large terms can be."""
-        # With any sines and cosines: x y has no rounding at 180 degrees relative to x y itself.
-        values = np.prod(x[:, None, :] ** self.exponents, axis=-1) @ self.numbers
-        most = np.maximum(1.0, np.abs(x)).max(axis=0) ** self.exponents
-        return values, float(np.prod(most, axis=-1) @ np.abs(self.numbers))
-
-
 class _Exact:
     """The side of the polynomials: their values, and real points of components."""
 
@@ -90,13 +70,16 @@ class _Exact:
         self.rng = np.random.default_rng(11)
         size = sum(abs(float(x)) for row in geometry.translation for x in row) or 1.0
         self.reach = np.where(self.slides, size, np.pi)
-        self._made = MadeOnce()
+        self._in_numbers = MadeOnce()
 
     def same(self, branch: Branch, component: Component) -> bool:
         """Return True if a branch is a component with its joints put at their values."""
         there = {v.joint: v.value for v in branch.values}
         for j, value in self._values(component).items():
-            if j not in there or self._apart(j, there[j] - value) > ALIKE:
+            if j not in there:
+                return False
+            apart = there[j] - value
+            if abs(apart if self.slides[j] else math.remainder(apart, 2 * math.pi)) > ALIKE:
                 return False
         # Random configurations at which equations are compared with relations.
         q = self.rng.uniform(-self.reach, self.reach, (6, len(self.reach)))
@@ -105,7 +88,7 @@ class _Exact:
         stated = [_unit(e(q), e.unit) for e in branch.equations]
         left = set(range(len(stated)))
         for poly in component.relations:
-            values, size = self._form(poly)(x)
+            values, size = self.values_at(poly, x)
             own, rounding = _unit(values, size)
             # Relative difference of an equation's values and a multiple of a relation's.
             alike = {
@@ -140,7 +123,7 @@ class _Exact:
             tols[sizes[:, count - 1] <= 1e-4] = BLUNT
         missed, x = np.ones(len(points), dtype=bool), self._variables(points)
         for poly in relations:
-            at, size = self._form(poly)(x)
+            at, size = self.values_at(poly, x)
             missed &= np.abs(at) <= tols * size
         for branch in branches:
             put = branch.put(points, self.own.arm.space)
@@ -158,9 +141,6 @@ class _Exact:
             return poly
         return math.prod((p for p, _ in poly.factor()[1]), start=self.ring.one)
 
-    def _apart(self, joint: int, difference: float) -> float:
-        return abs(difference if self.slides[joint] else math.remainder(difference, 2 * math.pi))
-
     def _values(self, component: Component) -> dict[int, float]:
         """The joints that a component has at values: angles in radians, metres."""
         out = {}
@@ -170,8 +150,23 @@ class _Exact:
             out[j] = numbers[0] if self.slides[j] else turned - float(self.offset[j])
         return out
 
-    def _form(self, poly: Poly) -> _Form:
-        return self._made.of(poly, lambda p: _Form(p, self.ring))  # type: ignore[no-any-return]
+    def values_at(self, poly: Poly, x: Array) -> tuple[Array, float]:
+        """Return a polynomial's values (N,) at x (N, variables), and how large terms can be."""
+        exponents, numbers = self._in_numbers.of(poly, self._numbers)
+        # With any sines and cosines: x y has no rounding at 180 degrees relative to x y itself.
+        values = np.prod(x[:, None, :] ** exponents, axis=-1) @ numbers
+        most = np.maximum(1.0, np.abs(x)).max(axis=0) ** exponents
+        return values, float(np.prod(most, axis=-1) @ np.abs(numbers))
+
+    def _numbers(self, poly: Poly) -> tuple[Ints, Array]:
+        """Exponents (T, variables) of a polynomial, and its coefficients (T,), largest 1."""
+        terms = terms_of(poly)
+        top = max(abs(c) for c in terms.values())
+        every = np.array(list(terms), dtype=np.int64)
+        numbers = np.array([int(q.p) / int(q.q) for q in (c / top for c in terms.values())])
+        for at, square in enumerate(self.ring.roots, self.ring.nvars):
+            numbers = numbers * math.sqrt(square) ** every[:, at]
+        return every[:, : self.ring.nvars], numbers
 
     def _variables(self, q: Array) -> Array:
         """The ring's variables (N, variables) at configurations (N, n)."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from pinsing.algebra.components import Component
 from pinsing.algebra.conditions import GAP, Branch, Conditions, SearchOptions, nearest_points
-from pinsing.algebra.equation import Equation, angles_text, format_angle, latex_symbol
+from pinsing.algebra.equation import Equation, angles_text, format_angle, symbol_text
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
 from pinsing.families.at_once import LONG, AtOnce, SolvedFor, long_form, long_ones
 from pinsing.families.zero_set import (
@@ -177,7 +177,7 @@ _TONES: dict[bool | None, str] = {True: "alarm", False: "good"}
 
 def families_table(rows: Iterable[Sequence[str]], named: Iterable[tuple[str, str]]) -> str:
     """Rows of families with their header, and the joints that their symbols stand for."""
-    where = legend((latex_symbol(symbol), joint) for symbol, joint in named if symbol != joint)
+    where = legend((symbol_text(symbol), joint) for symbol, joint in named if symbol != joint)
     return table(rows, _HEADER) + where
 
 

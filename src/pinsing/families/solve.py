@@ -229,7 +229,7 @@ class ComponentSearch:
         self.random = RandomSteps(0, (), ())
         self.count: SliceCount | None = None
         self.steps: list[str] = []
-        self.origins: list[tuple[Component, str]] = []  # all that was found, and by which step
+        self.origins: dict[int, tuple[Component, str]] = {}  # all that was found: by which step
         self.closed = False
         self.first: Budget | None = None
         """What all minors had."""
@@ -241,12 +241,9 @@ class ComponentSearch:
         for name, step in STEPS.items():
             if not self.closed and step(self):
                 self.steps.append(name)
-                self.origins += [(c, name) for c in self.components if self.step_of(c) is None]
+                for c in self.components:
+                    self.origins.setdefault(id(c), (c, name))
         return self
-
-    def step_of(self, component: Component) -> str | None:
-        """The step that found a component."""
-        return next((name for known, name in self.origins if known is component), None)
 
     def rest(self, share: float) -> Budget:
         """A share of the time that is left, a tenth of the whole at least."""
@@ -562,13 +559,13 @@ def _found(
         # Share of the time that there is for describing families, however long finding them took.
         maker.time = describing = whole.part(1.0, 0.1)
         grouped: dict[object, list[SolvedPiece]] = {}
-        steps: list[str | None] = []  # of each group
+        steps: list[str] = []  # of each group
         for c in search.components:
             pieces = maker.pieces(c, search.components)
             left_out += [] if pieces else [c]
             for piece in pieces:
                 grouped.setdefault((piece.real, mirror_key(piece)), []).append(piece)
-            steps += [search.step_of(c)] * (len(grouped) - len(steps))
+            steps += [search.origins[id(c)][1]] * (len(grouped) - len(steps))
         for i, group in enumerate(grouped.values(), 1):
             # Most take little; one that takes long leaves as much to the others.
             # Share of what is left for describing families that one of them may take.
@@ -579,7 +576,7 @@ def _found(
                 families.append(stated(group, maker, arm))
         order = sorted(range(len(families)), key=lambda i: _order(families[i]))
         families = [replace(families[k], name=f"F{i}") for i, k in enumerate(order, 1)]
-        step_of = {f.name: str(steps[k]) for f, k in zip(families, order, strict=True)}
+        step_of = {f.name: steps[k] for f, k in zip(families, order, strict=True)}
         off = disagreements(families, left_out, maker.ring, geometry, symbols)
         gaps += off
     counted: SliceCount | None = None if search is None else search.count

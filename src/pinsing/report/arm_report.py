@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from pinsing.algebra.equation import latex_symbol
+from pinsing.algebra.equation import symbol_text
 from pinsing.atomic_write import check_writable, write_bytes, write_text
 from pinsing.errors import OptionError, OutputError, PinsingError
 from pinsing.families import ClosedForm, Family, closed_form
@@ -604,7 +604,7 @@ def status_badge(state: State) -> str:
 def legend(c: Content) -> str:
     """Return which joint each symbol stands for, where the names differ."""
     pairs = [
-        f"{formula(latex_symbol(symbol))} {text('is')} {name(joint)}"
+        f"{formula(symbol_text(symbol))} {text('is')} {name(joint)}"
         for symbol, joint in c.forms.legend
         if symbol != joint
     ]
@@ -627,7 +627,7 @@ def robot(c: Content) -> Section:
     ]
     rows = [
         (
-            formula(latex_symbol(c.forms.symbols[i])),
+            formula(symbol_text(c.forms.symbols[i])),
             name(joint),
             text(info.kinds[i]),
             text(limit_text(arm.lower[i], bool(arm.prismatic[i]))),
@@ -672,7 +672,7 @@ def maps(c: Content) -> Section:
             "values below it; lines mark where families of singular configurations cross it."
         )
         picture, held = map_picture(c.arm, c.forms.families, pair)
-        joints = f"{formula(latex_symbol(a))} {text('and')} {formula(latex_symbol(b))}"
+        joints = f"{formula(symbol_text(a))} {text('and')} {formula(symbol_text(b))}"
         caption = (
             f"{text('Smallest singular value over')} {joints}{text(f' ({held}).')} "
             f"{text('Dark is near-singular; lines are the families.')}"
