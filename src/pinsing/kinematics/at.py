@@ -56,7 +56,7 @@ from pinsing.prose import (
     unbroken,
     verdict,
 )
-from pinsing.robot.arm import Arm, ArmSummary, kept, summarize
+from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.nominal import nominal
 from pinsing.robot.task import parse_task
 
@@ -497,7 +497,7 @@ def loss_at(arm: Arm, q: Array, rtol: float = SINGULAR_RTOL, near_rtol: float = 
     """Return what is lost at q (n,), which is in order, and why; arguments as of ``at``."""
     position, rotation, J = tip_and_jacobian(arm, q)
     scale = own_scale(arm)
-    U, sigma, Vt = np.linalg.svd(scale.apply(arm, J, q))
+    U, sigma, Vt = np.linalg.svd(scale_rows(arm, J, q, own=True))
     ratio = float(ratio_of(arm, sigma))
     status = status_of(ratio, rtol, near_rtol)
     # Nearly lost is what is not better than sigma_r, give or take a factor.
@@ -510,7 +510,7 @@ def loss_at(arm: Arm, q: Array, rtol: float = SINGULAR_RTOL, near_rtol: float = 
     found = Loss(J, sigma, ratio, status, rank_of(arm, sigma, rtol), Vt[rank:].T, tool)
     if status == REGULAR:
         return found
-    missing, never = U[:, rank:], never_produced(arm)
+    missing, never = U[:, rank:], generic_task(arm).never
     if never.shape[1] or missing.shape[1] > 1:  # an orthonormal basis of what is left
         left, sizes, _ = np.linalg.svd(missing - never @ (never.T @ missing), full_matrices=False)
         missing = left[:, sizes > 0.5]
@@ -546,13 +546,6 @@ def _beside(arm: Arm, q: Array) -> tuple[AxisDependence, ...]:
     return (
         loss_at(exact, end.q[0]).dependences if end.ratio[0] <= SINGULAR_RTOL and far < 0.2 else ()
     )
-
-
-@kept
-def never_produced(arm: Arm) -> Array:
-    """Orthonormal task directions (m, k) that the arm can produce at no configuration."""
-    U, sigma, _ = np.linalg.svd(np.concatenate(list(generic_task(arm)), axis=1))
-    return np.asarray(U[:, int((sigma > SINGULAR_RTOL * sigma[0]).sum()) :])
 
 
 def _self_motions(V: Array, arm: Arm) -> tuple[SelfMotion, ...]:

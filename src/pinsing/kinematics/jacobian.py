@@ -257,10 +257,6 @@ class OwnScale:
     columns: Array  # (n,), factors: length for prismatic joints, else 1
     of_sigma: float | None  # factor from sigma at the arm's length scale; None if there is none
 
-    def apply(self, arm: Arm, J: Array, Q: Array, R: Array | None = None) -> Array:
-        """Return task rows (..., m, n) without units of J (..., 6, n) at Q, R its rotation."""
-        return np.asarray(task_rows(arm, J, Q, R) * self.rows[:, None] * self.columns)
-
 
 @kept
 def own_scale(arm: Arm) -> OwnScale:
@@ -323,7 +319,7 @@ class Batch:
         if chain is None or arm.coupling is not None or arm.task.at_tip:
             at_tip, J = arm.task.at_tip, self.frame_jacobians(Q)
             R = tip_rotations(arm, Q, self.engine, self.threads) if at_tip else None
-            J = scale.apply(arm, J, Q, R) if own else scale_rows(arm, J, Q, R)
+            J = scale_rows(arm, J, Q, R, own)
             if chain is None:
                 return np.asarray(np.linalg.svd(J, compute_uv=False))
             return kernel.svdvals(J, threads=self.threads, isa=self.engine)
@@ -361,10 +357,16 @@ def batch(arm: Arm, engine: str = "auto", threads: int | None = None) -> Batch:
     return Batch(arm, fixed_engine(arm, engine), threads)
 
 
-def scale_rows(arm: Arm, J: Array, Q: Array, R: Array | None = None) -> Array:
-    """Return task rows (..., m, n) of J (..., 6, n) at Q, translations over the length scale."""
+def scale_rows(arm: Arm, J: Array, Q: Array, R: Array | None = None, own: bool = False) -> Array:
+    """Return task rows (..., m, n) of J (..., 6, n) at Q, translations over the length scale.
+
+    Without units if at the ``own`` scale; R (..., 3, 3) is the tip's rotation where known.
+    """
+    rows = task_rows(arm, J, Q, R)
+    if own:
+        return np.asarray(rows * own_scale(arm).rows[:, None] * own_scale(arm).columns)
     factor = np.where(np.array(arm.task.rows) < 3, 1.0 / arm.length_scale, 1.0)
-    return np.asarray(task_rows(arm, J, Q, R) * factor[:, None])
+    return np.asarray(rows * factor[:, None])
 
 
 class Measured(NamedTuple):
@@ -897,15 +899,28 @@ def own_jacobians_and_derivatives(on: Batch, Q: Array) -> tuple[Array, Array]:
         turned = np.concatenate(both, axis=1)[:, rows]
         slopes = np.where(np.array(at_tip)[:, None, None], turned, slopes)
     slopes = slopes * scale.rows[:, None, None]
-    return scale.apply(arm, J, Q), slopes * scale.columns[:, None] * scale.columns
+    return scale_rows(arm, J, Q, own=True), slopes * scale.columns[:, None] * scale.columns
+
+
+@dataclass(frozen=True, eq=False)
+class GenericTask:
+    """What an arm does in its task at almost every configuration, on the nominal geometry."""
+
+    J: Array  # (k, m, n), without units, at random configurations
+    moving: tuple[int, ...]  # joints (indices) that move the task at some configuration
+    never: Array  # (m, d), orthonormal directions that are produced at no configuration
 
 
 @kept
-def generic_task(arm: Arm) -> Array:
-    """Task Jacobians (k, m, n) of the nominal geometry at random configurations, without units."""
+def generic_task(arm: Arm) -> GenericTask:
+    """Return the task of an arm in general."""
     exact = nominal(arm).arm
     Q = random_turns(exact, 6)
-    return own_scale(exact).apply(exact, Batch(exact, PINOCCHIO).frame_jacobians(Q), Q)
+    J = scale_rows(exact, Batch(exact, PINOCCHIO).frame_jacobians(Q), Q, own=True)
+    general = np.linalg.norm(J, axis=1).max(axis=0)
+    moving = np.flatnonzero(general > SINGULAR_RTOL * general.max()).tolist()
+    U, sigma, _ = np.linalg.svd(np.concatenate(list(J), axis=1))
+    return GenericTask(J, tuple(moving), U[:, int((sigma > SINGULAR_RTOL * sigma[0]).sum()) :])
 
 
 def read_pose(pose: ArrayLike) -> tuple[Array, Array | None]:

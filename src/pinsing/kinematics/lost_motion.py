@@ -22,8 +22,8 @@ from pinsing.kinematics.jacobian import (
     Batch,
     generic_rank,
     generic_task,
-    own_scale,
     random_turns,
+    scale_rows,
     zero_of,
 )
 from pinsing.measures import PRACTICAL, Array, Bool, NDArray
@@ -347,35 +347,33 @@ class ColumnRanks:
     """
 
     def __init__(self, arm: Arm, J: Array, q: Array, rtol: float) -> None:
-        self.J, self.generic = own_scale(arm).apply(arm, J, q), generic_task(arm)
+        self.J, self.generic = scale_rows(arm, J, q, own=True), generic_task(arm)
         self.zero = zero_of(arm, singular_values(self.J[None])[0], rtol)
-        self.used = moving_columns(arm)
+        self.used = self.generic.moving
         self.spare = len(self.used) - generic_rank(arm)
-        self.lost = self.nullity(self.used) - self.spare
+        self.lost = int(self.nullities([self.used])[0]) - self.spare
 
     def rank(self, ids: Sequence[int]) -> int:
         """Rank of the columns ``ids`` at the configuration."""
-        return len(ids) - self.nullity(ids)
+        return len(ids) - int(self.nullities([ids])[0])
 
-    def nullity(self, ids: Sequence[int]) -> int:
-        """Return how many of the columns ``ids`` the others of these make up for."""
-        return int(self._nullities(np.array([ids], dtype=np.intp))[0])
-
-    def _nullities(self, sets: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return how many of each set (N, k) of columns the others of it make up for."""
+    def nullities(self, sets: Sequence[Sequence[int]] | NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return how many (N,) of each set (N, k) of columns the others of it make up for."""
+        sets = np.asarray(sets, dtype=np.intp)
         stack = self.J[:, sets].transpose(1, 0, 2)  # (N, m, k)
         return np.asarray(sets.shape[1] - (singular_values(stack) > self.zero).sum(axis=-1))
 
     def generic_rank(self, ids: Sequence[int]) -> int:
         """Rank of the columns ``ids`` at almost every configuration."""
-        sigma = singular_values(self.generic[:, :, list(ids)])
+        sigma = singular_values(self.generic.J[:, :, list(ids)])
         return int((sigma > SINGULAR_RTOL * sigma.max()).sum(axis=-1).max())
 
     def causes(self) -> list[tuple[int, ...]]:
         """Sets that force the loss, one for each rank lost."""
         found: list[tuple[int, ...]] = []
         for ids in self._by_size(self.used, self.spare + 1):
-            if self.nullity(sorted({*ids}.union(*found))) > self.spare + len(found):
+            union = sorted({*ids}.union(*found))
+            if self.nullities([union])[0] > self.spare + len(found):
                 found.append(ids)
             if len(found) == self.lost:
                 break
@@ -390,11 +388,11 @@ class ColumnRanks:
         union: list[int] = []
         for part in self._by_size(ids, 1):
             wider = sorted({*union, *part})
-            larger = self.nullity(wider) > self.nullity(union)
+            larger = self.nullities([wider])[0] > self.nullities([union])[0]
             if larger and self.rank(part) < self.generic_rank(part):
                 found.append(part)
                 union = wider
-            if self.nullity(union) > self.spare:
+            if self.nullities([union])[0] > self.spare:
                 break
         return found
 
@@ -407,7 +405,7 @@ class ColumnRanks:
                 return
             flat = chain.from_iterable(combinations(ids, size))
             sets = np.fromiter(flat, np.intp).reshape(-1, size)
-            yield from map(tuple, sets[self._nullities(sets) >= nullity].tolist())
+            yield from map(tuple, sets[self.nullities(sets) >= nullity].tolist())
 
 
 def singular_values(stack: Array) -> Array:
@@ -475,13 +473,6 @@ def arm_centres(arm: Arm) -> tuple[AxesCentre, ...]:
         for ids in rows
         if all(axes.meeting_point(ids, STRUCTURE_TOL) is not None for axes in samples)
     )
-
-
-@kept
-def moving_columns(arm: Arm) -> tuple[int, ...]:
-    """Joints (indices) that move the task at some configuration."""
-    general = np.linalg.norm(generic_task(arm), axis=1).max(axis=0)
-    return tuple(int(i) for i in np.flatnonzero(general > SINGULAR_RTOL * general.max()))
 
 
 def generic_axes(arm: Arm) -> list[JointAxes]:

@@ -165,7 +165,7 @@ def _lost(arm: Arm, q: Array, left: Array, N: Array, H: Array, rank: int) -> Arr
         scale, count = own_scale(arm), r - rank
         move = np.random.default_rng(SEED).standard_normal(arm.n)
         beside = q + 1e-3 * move / np.linalg.norm(move) * scale.columns
-        U, _, _ = np.linalg.svd(scale.apply(arm, frame_jacobian(arm, beside), beside))
+        U, _, _ = np.linalg.svd(scale_rows(arm, frame_jacobian(arm, beside), beside, own=True))
         W, _, _ = np.linalg.svd(left.T @ U[:, rank:r], full_matrices=False)
     return np.asarray(left @ W[:, :count])
 

@@ -270,7 +270,7 @@ def _over(taken: Array, h: Array) -> Array:
 
 def _produced(arm: Arm) -> tuple[Array, Bool]:
     """Basis (m, r) of what the arm ever produces, translations first, and which are these."""
-    wide = np.concatenate(list(generic_task(arm)), axis=1)
+    wide = np.concatenate(list(generic_task(arm).J), axis=1)
     linear = np.array(arm.task.rows) < 3
     parts = []
     for own in (linear, ~linear):

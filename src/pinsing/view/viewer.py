@@ -24,16 +24,16 @@ from pinsing.families.describe import telling_poses
 from pinsing.families.form import coverage_words
 from pinsing.families.tube import Tube
 from pinsing.interface import checked, shown
-from pinsing.kinematics.at import never_produced
 from pinsing.kinematics.jacobian import (
     NEAR_RTOL,
     SINGULAR_RTOL,
     frame_jacobians,
     generic_rank,
+    generic_task,
     own_scale,
     task_size,
 )
-from pinsing.kinematics.lost_motion import arm_centres, moving_columns
+from pinsing.kinematics.lost_motion import arm_centres
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge
 from pinsing.measures import Array, ArrayLike, Reachability, pure_ellipsoids
 from pinsing.proximity.clearance import Suggestion
@@ -268,7 +268,7 @@ def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, A
     axes always meet, with a name); ``sizes``; ``design`` (families are of the design).
     """
     exact = nominal(arm)
-    found = never_produced(arm)
+    found = generic_task(arm).never
     never = np.zeros((found.shape[1], 6))
     never[:, list(arm.task.rows)] = found.T
     return {
@@ -280,7 +280,7 @@ def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, A
             "atTip": list(arm.task.tip_rows),
             "lengthScale": arm.length_scale,
             "rank": generic_rank(arm),
-            "used": list(moving_columns(arm)),
+            "used": list(generic_task(arm).moving),
             "never": never.tolist(),
         },
         "judge": {
