@@ -25,7 +25,7 @@ from pinsing.algebra.conditions import two_sided
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.measures import Chain
 from pinsing.proximity.clearance import watch
-from pinsing.robot.nominal import chain_model, flatten
+from pinsing.robot.nominal import flatten, on_chain
 
 ARMS = ("ur5e", "puma560", "irb1400", "iiwa14", "panda")
 
@@ -36,7 +36,7 @@ def perturb(arm: pinsing.Arm, rng: np.random.Generator) -> pinsing.Arm:
     R = np.array([r @ pin.exp3(rng.uniform(-1, 1, 3) * 3e-3) for r in chain.R])
     t = chain.t + rng.uniform(-5e-4, 5e-4, chain.t.shape)
     made = Chain(R, t, chain.prismatic)
-    return replace(arm, model=chain_model(made, arm))
+    return on_chain(arm, made)
 
 
 def find_singular(arm: pinsing.Arm, Q: np.ndarray) -> np.ndarray:

@@ -26,7 +26,7 @@ from pinsing.proximity.monitor import make_guard
 from pinsing.report.arm_report import describe, gather, robot
 from pinsing.robot.arm import Arm
 from pinsing.robot.calibration import calibrated, known_like
-from pinsing.robot.nominal import assumed_design, chain_model, design_of, differences, flatten
+from pinsing.robot.nominal import assumed_design, design_of, differences, flatten, on_chain
 
 designs = importlib.import_module("pinsing.robot.nominal")
 Q = np.array([0.0, -1.2, 1.3, -1.0, -1.5, 0.0])
@@ -249,8 +249,8 @@ def test_the_design_is_found_or_refused() -> None:
     assert not any(pinsing.load(name).design for name in ("ur5e", "crx10ia", "panda"))
     chain = flatten(ur5e)
     t = chain.t + np.random.default_rng(4).uniform(-8e-5, 8e-5, chain.t.shape)
-    rounded = chain_model(replace(chain, t=t), ur5e)  # as an export from CAD
-    assert assumed_design(replace(ur5e, model=rounded))
+    # As an export from CAD.
+    assert assumed_design(on_chain(ur5e, replace(chain, t=t)))
     assert max(d.angle for d in differences(ur5e, design_of(ur5e, pinsing.load("ur5e")))) < 1e-9
     for name, said in (("puma560", "another robot"), ("panda", "7 joints")):
         with pytest.raises(OptionError, match=said):
@@ -309,7 +309,7 @@ def test_calibrations_are_read_strictly(form, tmp_path: Path) -> None:
     chain = flatten(arm)
     for much, odd in ((0.0, False), (3e-3, True)):
         heavy = replace(chain, t=chain.t + much * np.sin(np.arange(21)).reshape(7, 3))
-        loose = replace(arm, model=chain_model(heavy, arm), design=None)
+        loose = on_chain(arm, heavy, design=None)
         loose = replace(loose, design=assumed_design(loose))
         assert designs.is_odd(loose) == odd
         assert known_like(loose)[0] == "ur5e"

@@ -14,7 +14,7 @@ from singular_sets import iiwa_with_offset
 from tiers import tiered
 
 from pinsing import load
-from pinsing.algebra.budget import possible
+from pinsing.algebra.budget import FORKS
 from pinsing.families import closed_form, prove
 from pinsing.families.certificate import combination, text_of
 from pinsing.families.proof_forms import form_text
@@ -199,7 +199,7 @@ def test_certificates_are_written_and_verified(tmp_path):
     assert (run.exit_code, unproven.exists()) == (2, False)
 
 
-@pytest.mark.skipif(not possible(), reason="processes cannot be forked here")
+@pytest.mark.skipif(not FORKS, reason="processes cannot be forked here")
 def test_a_check_that_is_long_ends_with_its_time(monkeypatch):
     def long(text, most=None):
         if most is not None:

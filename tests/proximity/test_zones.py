@@ -20,7 +20,7 @@ from pinsing.kinematics.tip_speed import SpeedJudge
 from pinsing.proximity import zones as zone_search
 from pinsing.proximity.clearance import watch
 from pinsing.proximity.zones import Region, parts_of
-from pinsing.robot.nominal import chain_model, flatten
+from pinsing.robot.nominal import flatten, on_chain
 
 CASES = [
     ("ur5", {}, None), ("ur5", {"task": "position"}, None), ("ur5", {"task": "tool-axis"}, None),
@@ -299,7 +299,7 @@ def test_a_monitor_tells_in_which_zones_a_configuration_is():
             pinsing.Monitor(of, **options)
     chain = flatten(form.loaded)
     moved = replace(chain, t=chain.t + 1e-5)  # as another calibration of the same robot
-    other = replace(form.loaded, model=chain_model(moved, form.loaded))
+    other = on_chain(form.loaded, moved)
     for given in ({"zones": found}, {"forms": form}):
         with pytest.raises(OptionError, match="in other places, as by another calibration"):
             pinsing.export_guard(other, **given)

@@ -236,8 +236,6 @@ def ask_again(
     Asked was which points are singular of equations, at a place, whose common zeros have a
     codimension.
     """
-    if not asked:
-        return RandomSteps(0, (), ())
     residues = Residues(ring, SECOND_PRIME)
     rng, slices = np.random.default_rng(SECOND_SEED), Slices()
     once = RandomSteps(len(asked), (WORD_PRIME,), (FIRST_SEED,))
@@ -818,7 +816,9 @@ def decompose(
                 f"not all minors were searched{inside_of if search.depth else ''}: {reason}"
             )
         components = found.irredundant(time)
-        second = ask_again(search.asked, components, ring, time.part(1.0, _TO_ASK))
+        second = RandomSteps(0, (), ())
+        if search.asked:
+            second = ask_again(search.asked, components, ring, time.part(1.0, _TO_ASK))
         return Decomposition(components, [*search.gaps, *second.gaps], second)
 
     ended = apart.run(searched)

@@ -338,7 +338,9 @@ class Tree:
 
         NotFound if one could not be closed, or time was over.
         """
-        place = self.draft.without_implied(self.draft.place_of(forms, points))
+        place = self.draft.place_of(forms, points)
+        if len(place.relations) > _MANY:  # what says nothing new leaves little to be tried
+            place = self.draft.without_implied(place)
         if not all(map(self.ring.joints, place.relations)):
             return None  # one of them is a number
         key = points, frozenset(self._ids.of(p, id) for p in place.forms)
@@ -376,13 +378,15 @@ class Tree:
             ):
                 place.family = k
                 return
-        if any(self._by_division(place, k) for k in range(len(self.families))):
+        short = sum(map(len, relations)) <= _DENSE
+        several, every = short and len(relations) > 1, range(len(self.families))
+        if several and any(self._by_division(place, k) for k in every):
             return
         least = self.draft.bound + 1 - len(place.values)
         enough = not place.points and least <= len(relations)
         if (
             enough
-            and sum(map(len, relations)) <= _DENSE
+            and short
             and self.draft.shown(lambda: self.ring.codimension_at_least(least, relations))
         ):
             place.sum, place.cases = [("1", ("of_forms", 0))], [([place.forms[0]], [], 1, None)]
@@ -414,8 +418,7 @@ class Tree:
         # Two equations leave what is too large for some families (Krull).
         ring, relations, family = self.ring, place.relations, self.families[number]
         least = self.draft.data["families"][number]["least_codimension"]
-        short = len(relations) > 1 and sum(map(len, relations)) <= _DENSE
-        if not short or len(place.values) + 2 < least:
+        if len(place.values) + 2 < least:
             return False
         # Relations, the shortest, of which two are tried alone.
         few = [relations] if len(relations) == 2 else itertools.combinations(relations[:4], 2)
@@ -652,7 +655,8 @@ def certificate(
             number = draft.algebra.number
             forms = [draft.linear(j, (number(a), number(b))) for j, (a, b) in points.items()]
             forms += [form_of(p, ring, draft.ring.context, roots) for p in c.relations]
-            forms = _without_implied(draft, draft.place_of(forms))
+            whole = draft.place_of(forms)
+            forms = _without_implied(draft, whole) if len(whole.relations) > 1 else whole.forms
             for part in draft.parts(forms) if in_parts else [draft.place_of(forms)]:
                 # The search divided all minors by what it calls proven, or saw them vanish.
                 plain = c.proven and len(part.relations) < 2

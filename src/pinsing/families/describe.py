@@ -77,7 +77,7 @@ from pinsing.kinematics.refine import kinds_many
 from pinsing.measures import ALIKE, SEED, Array, Reachability
 from pinsing.prose import listed
 from pinsing.robot.arm import Arm, kept
-from pinsing.robot.mimic import own_offsets
+from pinsing.robot.mimic import own_rows
 from pinsing.robot.nominal import Nominal
 
 
@@ -110,7 +110,7 @@ class PieceMaker:
     ) -> None:
         self.geometry, self.ring, self.time, self.angle_tol = geometry, ring, time, angle_tol
         self.symbols = joint_symbols(geometry.arm)
-        self.offset = own_offsets(geometry)
+        self.offset = geometry.offset[own_rows(geometry)]
         self.rng = np.random.default_rng(20)
         self.unsolved = 0
         """Systems that stay equations because time was over."""
@@ -769,11 +769,12 @@ def describe(
     kinds = kinds_of(draft, found, exact, maker)
     rng = np.random.default_rng(SEED)
     reach = values_reached(draft, met)
+    said = [at_once(branch, generic, maker.symbols)] if long_ones(branch.equations) else []
     return replace(
         draft,
         title=title_of(exact, found[::4]),
         value_reach=reach,
-        at_once=() if (said := at_once(branch, generic, maker.symbols)) is None else (said,),
+        at_once=tuple(filter(None, said)),
         codimension=_codimension(branch, generic, draft.codimension),
         witness=generic if len(inside) else None,
         generic=generic,

@@ -47,7 +47,7 @@ from pinsing.interface import JsonResult, checked
 from pinsing.measures import Array, ArrayLike
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
-from pinsing.robot.mimic import own_offsets
+from pinsing.robot.mimic import own_rows
 from pinsing.robot.nominal import ExactPlacements, Length3, Nominal, flatten, nominal
 
 
@@ -308,7 +308,7 @@ class Lengths:
     def offset(self) -> Array:
         """Radians added to each joint of the arm and to each symbol that is a twist; else zero."""
         offset = np.zeros(self.joints + len(self.symbols))
-        offset[list(self.order)] = own_offsets(self.geometry)
+        offset[list(self.order)] = self.geometry.offset[own_rows(self.geometry)]
         return offset
 
 

@@ -23,7 +23,7 @@ from pinsing.families.family import Family
 from pinsing.families.zero_set import BLUNT, OwnPoints, SearchBox, project, system_of
 from pinsing.interface import typed
 from pinsing.measures import ALIKE, FLOAT_NOISE, Array, Ints
-from pinsing.robot.mimic import own_offsets
+from pinsing.robot.mimic import own_rows
 from pinsing.robot.nominal import Nominal
 
 _ZERO = 1e-10
@@ -64,7 +64,8 @@ class _Exact:
     """The side of the polynomials: their values, and real points of components."""
 
     def __init__(self, ring: Ring, geometry: Nominal, symbols: Sequence[str]) -> None:
-        self.ring, self.symbols, self.offset = ring, symbols, own_offsets(geometry)
+        self.ring, self.symbols = ring, symbols
+        self.offset = geometry.offset[own_rows(geometry)]
         self.own = OwnPoints(geometry.arm)
         self.slides = np.array(ring.prismatic, dtype=bool)
         self.rng = np.random.default_rng(11)

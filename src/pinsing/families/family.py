@@ -582,7 +582,7 @@ class Family(JsonResult):
                 found = np.concatenate([found, own_drawn(held, *given)])
             if len(found) or not (below.any() or above.any()):
                 break
-        return self._sharpened(found, within_limits)
+        return found if self.confirm is None else self._sharpened(found, within_limits)
 
     def _sharpened(self, points: Array, within_limits: bool) -> Array:
         """Its own points (k, n) to all digits, without those that leave the limits for that."""

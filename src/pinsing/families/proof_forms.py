@@ -443,13 +443,7 @@ class Draft(Certificate):
         return Place([*linear.values(), *relations], at, relations, points)
 
     def without_implied(self, place: Place) -> Place:
-        """Return a place without short relations that vanish where two of the shortest ones do.
-
-        They say nothing new, and with many relations little can be tried.
-        """
-        # Relations up to which none is looked at for saying nothing new.
-        if len(place.relations) <= 3:
-            return place
+        """Return a place without short relations that vanish where two of the shortest ones do."""
         kept: list[Poly] = []
         for p in place.relations:
             # Terms of relations that others may follow from, and of these others.

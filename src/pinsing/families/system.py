@@ -25,7 +25,7 @@ from pinsing.errors import OptionError
 from pinsing.families.family import Family, asked_for
 from pinsing.families.proof_forms import content
 from pinsing.prose import visible
-from pinsing.robot.mimic import own_offsets
+from pinsing.robot.mimic import own_rows
 from pinsing.robot.nominal import Nominal
 from pinsing.robot.surd import SQUARES, Exact, parts_of
 
@@ -44,7 +44,7 @@ class Systems:
         components = [c for f in chosen for c in f.components]
         used = {j for c in components for r in c.relations for j in self.ring.joints_of(r)}
         self.joints = sorted(used.union(*(c.values for c in components)))
-        offset = [float(a) for a in own_offsets(geometry)]
+        offset = [float(a) for a in geometry.offset[own_rows(geometry)]]
         self.quarters = [round(a / (math.pi / 2)) for a in offset]
         self.shift = [a - k * math.pi / 2 for a, k in zip(offset, self.quarters, strict=True)]
         # Each variable, and what it stands for: ``c2``, ``cos(q2)``; of square roots only solutions

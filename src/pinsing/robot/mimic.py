@@ -16,7 +16,7 @@ from fractions import Fraction
 import numpy as np
 
 from pinsing.errors import Refusal
-from pinsing.measures import NOISE, SEED, Array
+from pinsing.measures import NOISE, SEED
 from pinsing.robot.nominal import FIFTEEN, PRIMES, Nominal, Snap
 from pinsing.robot.surd import Exact, cosine, residue, sine
 from pinsing.robot.task import Task
@@ -87,11 +87,6 @@ def own_rows(geometry: Nominal) -> list[int]:
         return list(range(len(geometry.prismatic)))
     names = list(geometry.arm.model.names)[1:]
     return [names.index(j) for j in geometry.arm.joints]
-
-
-def own_offsets(geometry: Nominal) -> Array:
-    """Radians added to each of the arm's own joints (n,)."""
-    return np.asarray(geometry.offset[own_rows(geometry)])
 
 
 def driven_by(driven: Sequence[Drive], own: int) -> list[int]:

@@ -74,8 +74,15 @@ def placements_of(arm: Arm) -> Array:
 
 
 def on_chain(arm: Arm, chain: Chain, **changes: Any) -> Arm:
-    """Return an arm with another chain, and other fields."""
-    made = replace(arm, model=chain_model(chain, arm), **changes)
+    """Return an arm with its joint names, limits and tip on another chain, and other fields."""
+    model, last = pin.Model(), 0
+    model.name = arm.name
+    for i, slides in enumerate(chain.prismatic):
+        kind = pin.JointModelPZ() if slides else pin.JointModelRZ()
+        last = add_joint(model, last, kind, pin.SE3(chain.R[i], chain.t[i]), arm.model, i + 1)
+    tip = pin.SE3(chain.R[-1], chain.t[-1])
+    model.addFrame(pin.Frame(arm.tip, last, 0, tip, pin.FrameType.OP_FRAME))
+    made = replace(arm, model=model, **changes)
     R, t = (np.add(x, 0.0, order="C") for x in (chain.R, chain.t))  # no zero has a sign
     made.once("chain", lambda: _frozen(Chain(R, t, chain.prismatic)))
     return made
@@ -85,18 +92,6 @@ def _frozen(chain: Chain) -> Chain:
     for array in (chain.R, chain.t, chain.prismatic):
         array.flags.writeable = False
     return chain
-
-
-def chain_model(chain: Chain, arm: Arm) -> pin.Model:
-    """Build a Pinocchio model of ``chain`` with the joint names, limits and tip of ``arm``."""
-    model, last = pin.Model(), 0
-    model.name = arm.name
-    for i, slides in enumerate(chain.prismatic):
-        kind = pin.JointModelPZ() if slides else pin.JointModelRZ()
-        last = add_joint(model, last, kind, pin.SE3(chain.R[i], chain.t[i]), arm.model, i + 1)
-    tip = pin.SE3(chain.R[-1], chain.t[-1])
-    model.addFrame(pin.Frame(arm.tip, last, 0, tip, pin.FrameType.OP_FRAME))
-    return model
 
 
 def jacobian_change(one: Chain, other: Chain, arm: Arm, tip_angle: float = 0.0) -> float:
