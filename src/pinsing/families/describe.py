@@ -447,13 +447,13 @@ def _value_texts(
     rounded = [{v.joint: round(v.value, 12) for v in b.values} for b in branches]
     sets = {j: sorted({x[j] for x in rounded if j in x}) for j in rounded[0]}
     combinations = {tuple(values.values()) for values in rounded}
+    said = [sets]
     if combinations != set(itertools.product(*sets.values())):
-        each = [{v.joint: [v.value] for v in b.values} for b in branches]
-        return [
-            [_joint_text(symbols[j], x, prismatic[j], (), latex) for j, x in values.items()]
-            for values in each
-        ]
-    return [[_joint_text(symbols[j], x, prismatic[j], solved, latex) for j, x in sets.items()]]
+        said, solved = [{v.joint: [v.value] for v in b.values} for b in branches], ()
+    return [
+        [_joint_text(symbols[j], x, prismatic[j], solved, latex) for j, x in values.items()]
+        for values in said
+    ]
 
 
 def _joint_text(

@@ -559,13 +559,11 @@ def _found(
         # Share of the time that there is for describing families, however long finding them took.
         maker.time = describing = whole.part(1.0, 0.1)
         grouped: dict[object, list[SolvedPiece]] = {}
-        steps: list[str] = []  # of each group
         for c in search.components:
             pieces = maker.pieces(c, search.components)
             left_out += [] if pieces else [c]
             for piece in pieces:
                 grouped.setdefault((piece.real, mirror_key(piece)), []).append(piece)
-            steps += [search.origins[id(c)][1]] * (len(grouped) - len(steps))
         for i, group in enumerate(grouped.values(), 1):
             # Most take little; one that takes long leaves as much to the others.
             # Share of what is left for describing families that one of them may take.
@@ -574,9 +572,9 @@ def _found(
                 families.append(describe(group, maker, arm))
             else:
                 families.append(stated(group, maker, arm))
-        order = sorted(range(len(families)), key=lambda i: _order(families[i]))
-        families = [replace(families[k], name=f"F{i}") for i, k in enumerate(order, 1)]
-        step_of = {f.name: steps[k] for f, k in zip(families, order, strict=True)}
+        families.sort(key=_order)
+        families = [replace(f, name=f"F{i}") for i, f in enumerate(families, 1)]
+        step_of = {f.name: search.origins[id(f.components[0])][1] for f in families}
         off = disagreements(families, left_out, maker.ring, geometry, symbols)
         gaps += off
     counted: SliceCount | None = None if search is None else search.count
