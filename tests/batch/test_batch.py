@@ -249,7 +249,8 @@ def test_without_the_extension_the_reason_is_given(isa: str) -> None:
         "import sys; sys.modules['pinsing._batch._kernel'] = None\n"
         "from pinsing._batch import engine\n"
         "assert not engine.available() and engine.isa_names() == ()\n"
-        "try: engine.svdvals([[[1.0]]])\n"
+        "assert engine.svdvals([[[-2.0]]]) == 2.0\n"
+        "try: engine.module()\n"
         "except RuntimeError as error: print(error)\n"
         "assert 'reinstall' in engine.unavailable_reason()"
     )

@@ -119,12 +119,15 @@ def singular_values(
 
 
 def svdvals(J: ArrayLike, *, threads: int | None = None, isa: str | None = None) -> Floats:
-    """Return singular values (N, min(m, n)), descending, of matrices J (N, m, n)."""
-    # Else as `jacobians`.
-    A, kernel = np.require(J, np.float64, ("C", "A")), module()
-    if min(A.shape[1:]) > kernel.MAX_RANK or max(A.shape[1:]) > kernel.MAX_COLUMNS:
+    """Return singular values (N, min(m, n)), descending, of matrices J (N, m, n).
+
+    Without the kernel, and for what it has no room for, they are LAPACK's. Else as `jacobians`.
+    """
+    A = np.require(J, np.float64, ("C", "A"))
+    small, large = sorted(A.shape[1:])
+    if _missing is not None or not 0 < small <= _kernel.MAX_RANK or large > _kernel.MAX_COLUMNS:
         return _lapack(A)
-    return np.asarray(kernel.svdvals(A, *_how(isa, threads)))
+    return np.asarray(_kernel.svdvals(A, *_how(isa, threads)))
 
 
 def _lapack(A: Floats) -> Floats:

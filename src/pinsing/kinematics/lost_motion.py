@@ -348,7 +348,7 @@ class ColumnRanks:
 
     def __init__(self, arm: Arm, J: Array, q: Array, rtol: float) -> None:
         self.J, self.generic = scale_rows(arm, J, q, own=True), generic_task(arm)
-        self.zero = zero_of(arm, singular_values(self.J[None])[0], rtol)
+        self.zero = zero_of(arm, kernel.svdvals(self.J[None], threads=1)[0], rtol)
         self.used = self.generic.moving
         self.spare = len(self.used) - generic_rank(arm)
         self.lost = int(self.nullities([self.used])[0]) - self.spare
@@ -361,11 +361,13 @@ class ColumnRanks:
         """Return how many (N,) of each set (N, k) of columns the others of it make up for."""
         sets = np.asarray(sets, dtype=np.intp)
         stack = self.J[:, sets].transpose(1, 0, 2)  # (N, m, k)
-        return np.asarray(sets.shape[1] - (singular_values(stack) > self.zero).sum(axis=-1))
+        return np.asarray(
+            sets.shape[1] - (kernel.svdvals(stack, threads=1) > self.zero).sum(axis=-1)
+        )
 
     def generic_rank(self, ids: Sequence[int]) -> int:
         """Rank of the columns ``ids`` at almost every configuration."""
-        sigma = singular_values(self.generic.J[:, :, list(ids)])
+        sigma = kernel.svdvals(self.generic.J[:, :, list(ids)], threads=1)
         return int((sigma > SINGULAR_RTOL * sigma.max()).sum(axis=-1).max())
 
     def causes(self) -> list[tuple[int, ...]]:
@@ -406,13 +408,6 @@ class ColumnRanks:
             flat = chain.from_iterable(combinations(ids, size))
             sets = np.fromiter(flat, np.intp).reshape(-1, size)
             yield from map(tuple, sets[self.nullities(sets) >= nullity].tolist())
-
-
-def singular_values(stack: Array) -> Array:
-    """Singular values (N, k) of small matrices (N, m, n), in the compiled kernel if it is there."""
-    if kernel.available() and min(stack.shape[1:]) > 0:
-        return kernel.svdvals(stack, threads=1)
-    return np.asarray(np.linalg.svd(stack, compute_uv=False), dtype=np.float64)
 
 
 DEPENDENCE_RTOL = 10 * SINGULAR_RTOL
