@@ -327,11 +327,12 @@ class Ring:
         degrees = [x.degrees() for x in filled]
         for j, w in enumerate(self.w):
             # Only what has both squares can be a multiple.
-            shared = w is not None and min(d[v] for d in degrees for v in self.variables(j)) >= 2
-            while shared:
+            if w is None or any(d[v] < 2 for v in self.variables(j) for d in degrees):
+                continue
+            parts = [divmod(x, w) for x in line]
+            while all(r == 0 for _, r in parts):
+                line = [q for q, _ in parts]
                 parts = [divmod(x, w) for x in line]
-                if shared := all(r == 0 for _, r in parts):
-                    line = [q for q, _ in parts]
         return line
 
     def factors(self, poly: Poly, time: Budget | None = None) -> list[Poly]:
