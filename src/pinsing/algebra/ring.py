@@ -360,12 +360,10 @@ class Ring:
 
     def _factors(self, poly: Poly) -> list[Poly]:
         """See ``factors``."""
-        if self.rational:
-            found = [f for f, _ in poly.factor()[1]]
-        else:
-            poly = self.strip(poly)
-            forms = self._of_form(poly)
-            found = list(map(self.monic, self._irreducible(poly) if forms is None else forms))
+        poly = poly if self.rational else self.strip(poly)
+        forms = None if self.rational else self._of_form(poly)
+        found = self._irreducible(poly) if forms is None else forms
+        found = found if self.rational else list(map(self.monic, found))
         return [f for f in found if not any(w is not None and f == w for w in self.w)]
 
     def fixing(self, joint: int, value: Value) -> Poly:
@@ -402,6 +400,8 @@ class Ring:
 
     def _irreducible(self, poly: Poly) -> list[Poly]:
         """Irreducible factors of any polynomial, over the field of the roots."""
+        if self.rational:
+            return [f for f, _ in poly.factor()[1]]
         found: list[Poly] = []
         for f in self._factor(self.monic(poly), len(self.roots)):
             if f not in found:
