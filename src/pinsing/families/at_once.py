@@ -410,8 +410,10 @@ def long_ones(equations: Sequence[Equation]) -> list[Equation]:
 
 
 def at_once(branch: Branch, q: Array, symbols: Sequence[str]) -> AtOnce | None:
-    """Return how a branch's long equations can be used near a generic q (n,); None if not known."""
+    """Return how a branch's equations can be used near a generic q (n,); None if not known."""
     equations = branch.equations
+    if not long_ones(equations):
+        return None
     slopes = system_of(equations).gradients(q[None])[0]
     rank, fixed = rank_of(slopes), {v.joint for v in branch.values}
     moving = [j for j in branch.involved if j not in fixed]

@@ -769,12 +769,11 @@ def describe(
     kinds = kinds_of(draft, found, exact, maker)
     rng = np.random.default_rng(SEED)
     reach = values_reached(draft, met)
-    said = [at_once(branch, generic, maker.symbols)] if long_ones(branch.equations) else []
     return replace(
         draft,
         title=title_of(exact, found[::4]),
         value_reach=reach,
-        at_once=tuple(filter(None, said)),
+        at_once=() if (said := at_once(branch, generic, maker.symbols)) is None else (said,),
         codimension=_codimension(branch, generic, draft.codimension),
         witness=generic if len(inside) else None,
         generic=generic,
