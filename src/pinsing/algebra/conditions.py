@@ -107,23 +107,20 @@ class Branch:
         out[:, joints] -= self.off(q, space) * space.metric[joints]
         return out
 
-    def held(self, space: JointSpace, box: tuple[Array, Array] | None = None) -> list[Array]:
+    def held(self, space: JointSpace, box: tuple[Array, Array]) -> list[Array]:
         """Return the values of the fixed joints in (n,) arrays: all copies that fit a box."""
-        copies = [[v.value] for v in self.values]
-        if box is not None:
-            for k, v in enumerate(self.values):
-                low, high = box[0][v.joint] - ROUNDING, box[1][v.joint] + ROUNDING
-                first, last = (np.array([low, high]) - v.value) / (2 * np.pi)
-                turns = range(math.ceil(first), math.floor(last) + 1)
-                turns = range(1) if space.prismatic[v.joint] else turns
-                every = (v.value + 2 * np.pi * turn for turn in turns)
-                copies[k] = [value for value in every if low <= value <= high]
-        found = []
-        for values in itertools.product(*copies):
-            fixed = np.zeros(space.n)
-            fixed[[v.joint for v in self.values]] = values
-            found.append(fixed)
-        return found
+        copies = []
+        for v in self.values:
+            low, high = box[0][v.joint] - ROUNDING, box[1][v.joint] + ROUNDING
+            first, last = (np.array([low, high]) - v.value) / (2 * np.pi)
+            turns = range(math.ceil(first), math.floor(last) + 1)
+            every = (v.value + 2 * np.pi * turn for turn in turns)
+            slides = space.prismatic[v.joint]
+            copies.append([x for x in ([v.value] if slides else every) if low <= x <= high])
+        choices = list(itertools.product(*copies))
+        fixed = np.zeros((len(choices), space.n))
+        fixed[:, [v.joint for v in self.values]] = np.reshape(choices, (len(choices), len(copies)))
+        return list(fixed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,9 +168,7 @@ class Margin:
 
     def holds(self, Q: Array) -> Bool:
         """Return which configurations (N,) bounds are of: those within the limits."""
-        if self.limits is None:
-            return np.ones(len(Q), dtype=bool)
-        low, high = self.limits
+        low, high = (-np.inf, np.inf) if self.limits is None else self.limits
         return np.asarray(((low - ROUNDING <= Q) & (high + ROUNDING >= Q)).all(axis=1))
 
     def take_off(self, Q: Array, each: Array) -> Array:
@@ -242,8 +237,6 @@ class Conditions:
 
     def scaled(self, Q: Array) -> Array:
         """Weighted coordinates of joint values Q (..., n), C-contiguous."""
-        if bool((self.weight == 1.0).all()):
-            return np.ascontiguousarray(Q)
         return np.ascontiguousarray(Q * self.weight)
 
     @cached_property
@@ -550,11 +543,9 @@ def _of_sum(s: TrigSum, x: Array, u: Array) -> float:
 
 def _approach(c: Conditions, branch: WeightedBranch, x: Array, u: Array) -> tuple[float, float]:
     """First-order distance from a branch, and how it changes along u."""
-    off, across = np.zeros(c.n), 0.0
-    for j, value in zip(branch.joints, branch.values, strict=True):
-        d, turn = float(x[j] - value), float(c.turn[j])
-        off[j] = math.remainder(d, turn) if turn > 0 else d
-        across += float(u[j]) ** 2
+    off, joints = np.zeros(c.n), branch.joints
+    off[joints] = off_values(x[None, joints], branch.values, c.turn[joints])[0]
+    across = float(u[joints] @ u[joints])
     if branch.sums:
         at = [s.at(x[None]) for s in branch.sums[:COMBINED]]
         g, value = np.concatenate([a.gradient for a in at]), np.concatenate([a.value for a in at])

@@ -121,8 +121,8 @@ class _Solver:
             return
         having = {v: [f for f in polys if f.degrees()[v] > 0] for v in variables}
         cost = {v: (len(having[v]), sum(f.degrees()[v] for f in having[v])) for v in variables}
-        ordered = sorted(variables, key=cost.__getitem__)
-        for v in ordered[:-1] if self.orders else ():
+        *others, last = sorted(variables, key=cost.__getitem__)[: None if self.orders else 1]
+        for v in others:
             try:
                 found = list(self._solved(polys, variables, v, having[v]))
             except Undecided:
@@ -131,8 +131,7 @@ class _Solver:
                 continue
             yield from found
             return
-        v = ordered[-1 if self.orders else 0]
-        yield from self._solved(polys, variables, v, having[v])
+        yield from self._solved(polys, variables, last, having[last])
 
     def _solved(
         self, polys: Sequence[Any], variables: Sequence[int], v: int, having: Sequence[Any]

@@ -239,12 +239,10 @@ def changes_sign(poly: Poly, ring: Ring) -> bool:
     ):
         return True
     rng = np.random.default_rng(3)
-    seen = set()
-    for _ in range(256):
-        seen.add(_sign(poly, [int(k) for k in rng.integers(-9, 10, ring.nvars)], ring))
-        if {1, -1} <= seen:
-            return True
-    return False
+    points = (rng.integers(-9, 10, ring.nvars).tolist() for _ in range(256))
+    signs = (sign for at in points if (sign := _sign(poly, at, ring)))
+    first = next(signs, 0)
+    return -first in signs
 
 
 def _sign(poly: Poly, point: Sequence[int], ring: Ring) -> int:

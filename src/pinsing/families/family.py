@@ -162,11 +162,10 @@ def spread(
 def asked_for(families: Mapping[str, Family], names: Iterable[str]) -> tuple[str, ...]:
     """Names of the families that are asked for by name or title, such as F2 or wrist."""
     found: list[str] = []
+    known = [w for k, f in families.items() for w in (k, f.title) if w]
     for word in names:
         alike = [k for k, f in families.items() if word and word in (k, f.title)]
-        if not alike:
-            known = [w for k, f in families.items() for w in (k, f.title) if w]
-            raise UnknownNameError("family", str(word), known)
+        UnknownNameError.refuse_if(not alike, "family", str(word), known)
         found += alike
     return tuple(dict.fromkeys(found))
 
@@ -565,9 +564,9 @@ class Family(JsonResult):
         if n == 0 or (within_limits and self.reachability is Reachability.OUTSIDE):
             return np.zeros((0, self.n))
         self._require_own()
-        lower, upper = self.box(within_limits)
-        box = (lower, upper) if within_limits else None
-        usable = [(b, v) for b in self.branches for v in b.held(self.space, box)]
+        lower, upper = box = self.box(within_limits)
+        copies = [b.held(self.space, box) if within_limits else [None] for b in self.branches]
+        usable = [(b, v) for b, each in zip(self.branches, copies, strict=True) for v in each]
         # Sliders that may go on below and above the range that points are drawn from.
         below = above = self.prismatic
         if within_limits:

@@ -332,8 +332,7 @@ class LongChain:
         self._later: list[tuple[Places, Relations]] = []
         self._draw = random.Random(_SEED)
         self._waiting: list[tuple[int, int, Places]] = []
-        self._asked: set[object] = set()
-        self._combined: set[object] = set()
+        self._seen: set[object] = set()  # places, and systems
         self._push(dict(place or {}))
         self._go_on(first=True)
         while thorough and self._later and not self.time.stop():
@@ -401,9 +400,9 @@ class LongChain:
 
     def _push(self, place: Places) -> None:
         key = frozenset(place.items())
-        if key not in self._asked and len(place) <= self.limit:
-            self._asked.add(key)
-            heapq.heappush(self._waiting, (len(place), len(self._asked), place))
+        if key not in self._seen and len(place) <= self.limit:
+            self._seen.add(key)
+            heapq.heappush(self._waiting, (len(place), len(self._seen), place))
 
     def _columns(self, place: Places) -> list[list[int]]:
         """Jacobian (rows, n) modulo a prime at a random configuration of a place."""
@@ -486,9 +485,9 @@ class LongChain:
         are those that are regular there: an equation may hold whatever its joint does.
         """
         key = (frozenset(place.items()), frozenset(map(str, (*relations, *more))))
-        if key in self._combined or len(place) + len(relations) > self.limit:
+        if key in self._seen or len(place) + len(relations) > self.limit:
             return
-        self._combined.add(key)
+        self._seen.add(key)
         if self._covered(place, relations):
             return
         self.time.check()

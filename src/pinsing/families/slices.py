@@ -30,6 +30,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from functools import cached_property
 from itertools import combinations, islice
 from typing import Any
 
@@ -702,8 +703,6 @@ class SliceSearch:
         self._open: set[int] = set()
         self._unfollowed = False  # time ended before all that contradicts was followed
         self._tried: list[Component] = []
-        self._special: list[Component] = []
-        self._matrix: Matrix | None = None
 
     def run(self) -> None:
         """Go through slices until nothing new turns up, or the time is over."""
@@ -781,7 +780,7 @@ class SliceSearch:
 
     def _most_shared(self, off: SlicePoints | RandomSingular) -> Component | None:
         """The value of a joint that most of some points share, of those not tried."""
-        places = self._values()
+        places = self._values
         held = [(next(iter(c.values)), off.held(c)) for c in places]
         shared = [int((on & off.varies(j)).sum()) for j, on in held]
         share = Counter[int]()  # of the points at whose slices a joint varies
@@ -841,23 +840,25 @@ class SliceSearch:
             except (BudgetExceeded, NotSquare):
                 continue
 
+    @cached_property
     def _values(self) -> list[Component]:
         """Joints at values where axes are special: quarter turns, and factors of minors."""
-        if not self._special:
-            one, none = Fraction(1), Fraction(0)
-            turns: list[Value] = [(one, none), (none, one), (one, one), (one, -one)]
-            found = [
-                (j, value)
-                for j, slides in enumerate(self.ring.prismatic)
-                for value in ([(none,)] if slides else turns)
-            ]
-            for _, factors in self._factored({}, self.time.part(_FOR_VALUES)):
-                found += filter(None, map(self.ring.joint_value, factors))
-            each = dict.fromkeys(found)
-            self._special = [
-                Component({j: v}, (), False, 1) for j, v in sorted(each, key=lambda at: at[0])
-            ]
-        return self._special
+        one, none = Fraction(1), Fraction(0)
+        turns: list[Value] = [(one, none), (none, one), (one, one), (one, -one)]
+        found = [
+            (j, value)
+            for j, slides in enumerate(self.ring.prismatic)
+            for value in ([(none,)] if slides else turns)
+        ]
+        for _, factors in self._factored({}, self.time.part(_FOR_VALUES)):
+            found += filter(None, map(self.ring.joint_value, factors))
+        each = sorted(dict.fromkeys(found), key=lambda at: at[0])
+        return [Component({j: v}, (), False, 1) for j, v in each]
+
+    @cached_property
+    def _matrix(self) -> Matrix:
+        """The Jacobian."""
+        return jacobian_matrix(self.geometry, self.ring, self.task, self.time)
 
     def _search(self, values: Mapping[int, Value]) -> None:
         """All components at a joint's value, or, if they are new, those that neighbours tell."""
@@ -869,13 +870,11 @@ class SliceSearch:
             if self.components != before:
                 return
         time = self.time.part(0.4)
+        put = self.ring.putting(values)
         try:
-            if self._matrix is None:
-                self._matrix = jacobian_matrix(self.geometry, self.ring, self.task, self.time)
+            matrix = [[put(x) for x in row] for row in self._matrix]
         except BudgetExceeded:
             return
-        put = self.ring.putting(values)
-        matrix = [[put(x) for x in row] for row in self._matrix]
         given = len(self.task.rows), self.ring, time, (values, self.limit), self.components
         decomposed = decompose(lambda: matrix, *given)
         self.components = decomposed.components
