@@ -32,6 +32,7 @@ from pinsing.algebra.ring import (
     coefficients_by,
     divided_by,
     image,
+    line_of,
     modular_context,
     terms_of,
 )
@@ -141,12 +142,11 @@ class _Solver:
         if not having:  # none, or as many as there are values of v
             Undecided.refuse_if(list(self.each(polys, rest)))
             return
-        if not rest:
-            below = list(self.each([], []))
-        elif len(having) == 1:
-            below = list(self.each([f for f in polys if f is not having[0]], rest))
+        free = [f for f in polys if f.degrees()[v] == 0]
+        if not rest or len(having) == 1:
+            below = list(self.each(free, rest))
         else:
-            below = self._eliminated(polys, having, v, rest)
+            below = self._eliminated(free, having, v, rest)
         for zero in below:
             self.check(0.0)
             for above in _above(zero, having, v):
@@ -154,10 +154,9 @@ class _Solver:
                     yield above
 
     def _eliminated(
-        self, polys: Sequence[Any], having: Sequence[Any], v: int, rest: Sequence[int]
+        self, free: Sequence[Any], having: Sequence[Any], v: int, rest: Sequence[int]
     ) -> list[Zero]:
         """Zeros of resultants in place of the polynomials that have variable v."""
-        free = [f for f in polys if f.degrees()[v] == 0]
         ordered = sorted(having, key=lambda f: (f.degrees()[v], len(f)))
         try:
             return list(self.each([*free, *self._resultants(ordered, v)], rest))
@@ -218,11 +217,9 @@ def _extended(zero: Zero, common: Any, v: int) -> list[Zero]:
     prime = int(zero.field.characteristic())
     if zero.field.degree() == 1:
         line = nmod_poly([_number(c) for c in common.coeffs()], prime)
-        out = []
-        for factor, _ in line.factor()[1]:
-            field, root = _field_of(factor)
-            out.append(Zero(field, {**{u: field(_number(x)) for u, x in zero.at.items()}, v: root}))
-        return out
+        known = {u: _number(x) for u, x in zero.at.items()}
+        roots = (_field_of(factor) for factor, _ in line.factor()[1])
+        return [Zero(F, {**{u: F(x) for u, x in known.items()}, v: root}) for F, root in roots]
     plane = modular_context(("x", "w"), prime)
     x, w = plane.gens()
     modulus = [int(c) for c in zero.field.modulus().coeffs()]
@@ -233,7 +230,7 @@ def _extended(zero: Zero, common: Any, v: int) -> list[Zero]:
         above = plane.constant(0)
         for row in reversed(terms):
             above = above * y + sum((c * x**i for i, c in enumerate(row)), plane.constant(0))
-        minimal = nmod_poly(_line(below.resultant(above, "x"), 1), prime)
+        minimal = nmod_poly(line_of(terms_of(below.resultant(above, "x")), 1), prime)
         if minimal.gcd(minimal.derivative()).degree() > 0:
             continue  # two roots give one sum
         return [_with_sum(zero, f, v, modulus, terms, multiple) for f, _ in minimal.factor()[1]]
@@ -290,12 +287,6 @@ def _number(value: Any) -> int:
     """An element of the prime field, as an integer."""
     line = value.to_list()
     return int(line[0]) if line else 0
-
-
-def _line(poly: Any, v: int) -> list[int]:
-    """Coefficients of a polynomial in variable v alone, the constant first."""
-    coefficients = {int(m[v]): int(c) for m, c in terms_of(poly).items()}
-    return [coefficients.get(i, 0) for i in range(max(coefficients) + 1)]
 
 
 # Random slices ------------------------------------------------------------------------

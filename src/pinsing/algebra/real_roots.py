@@ -21,7 +21,7 @@ from flint import Ordering, acb, arb, ctx, fmpq, fmpz_mat, fmpz_mpoly_ctx, fmpz_
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import fourier
-from pinsing.algebra.ring import Poly, Ring, Value, coefficients_by, terms_of, whole_terms
+from pinsing.algebra.ring import Poly, Ring, Value, coefficients_by, line_of, terms_of, whole_terms
 from pinsing.errors import Refusal
 from pinsing.robot.surd import parts_of
 
@@ -66,7 +66,7 @@ def real_roots(poly: Poly, joint: int, ring: Ring) -> list[AlgebraicValue]:
         if (1,) in parts:
             plain, times_root = parts.get((0,)) or ring.zero, parts[1,]
             norm = ring.reduce(plain * plain - ring.roots[k] * times_root * times_root)
-    line = [f for f, _ in _line(whole_terms(norm), last).factor()[1]]
+    line = [f for f, _ in fmpz_poly(line_of(whole_terms(norm), last)).factor()[1]]
 
     def is_root(values: Sequence[acb]) -> bool:
         at = [acb(1)] * ring.nvars + [acb(d).sqrt() for d in ring.roots]
@@ -95,12 +95,6 @@ def _told_apart(
                     if all(z.imag == 0 for z, _ in c)
                 ]
     raise NotFinite("roots were not told apart")
-
-
-def _line(terms: Mapping[Any, Any], variable: int) -> fmpz_poly:
-    """A polynomial in one variable, or a form in it and another one."""
-    powers = {m[variable]: c for m, c in terms.items()}
-    return fmpz_poly([powers.get(k, 0) for k in range(max(powers) + 1)])
 
 
 _SHORT = (2, 60, 16)
@@ -206,7 +200,7 @@ def _eliminant(basis: Sequence[Any]) -> list[fmpz_poly]:
         if p.is_constant():
             return []
         if not any(p.degrees()[:-1]):
-            return [f for f, _ in _line(terms_of(p), -1).factor()[1]]
+            return [f for f, _ in fmpz_poly(line_of(terms_of(p), -1)).factor()[1]]
     raise NotFinite
 
 

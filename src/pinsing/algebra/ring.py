@@ -76,6 +76,12 @@ def coefficients_by(poly: Any, variables: Sequence[int]) -> dict[tuple[int, ...]
     return {powers: poly.context().from_dict(terms) for powers, terms in parts.items()}
 
 
+def line_of(terms: Mapping[Any, Any], variable: int) -> list[int]:
+    """Whole coefficients of a polynomial in one variable, or of a form in two; the lowest first."""
+    powers = {int(m[variable]): int(c) for m, c in terms.items()}
+    return [powers.get(k, 0) for k in range(max(powers) + 1)]
+
+
 def divided_by(poly: Any, factor: Any) -> Any:
     """Divide by a factor, which is no constant, as often as it goes."""
     while poly != 0:

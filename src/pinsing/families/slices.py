@@ -653,8 +653,7 @@ class RandomSingular:
         if not missed.any():
             return []
         q = self.q[int(np.argmax(missed))]
-        turned = np.remainder(q + np.pi, 2 * np.pi) - np.pi
-        shown = ", ".join(f"{x:.4g}" for x in np.where(self.maker.ring.prismatic, q, turned))
+        shown = ", ".join(f"{x:.4g}" for x in self.maker.space.wrap(q))
         return [
             f"{int(missed.sum())} of {len(self.q)} singular configurations that random starts led "
             f"to lie on no family, such as q = {shown}: something is missing"
