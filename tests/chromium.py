@@ -18,13 +18,17 @@ def open_page(page: Any, url: str) -> None:
     page.wait_for_selector("body[data-ready=yes]", timeout=90_000)
 
 
-def picture(page: Any) -> np.ndarray:
-    """The view as pixels (height, width, 3), drawn afresh."""
+def pixels(image: bytes) -> np.ndarray:
+    """An image as (height, width, 3)."""
     from PIL import Image
 
+    return np.asarray(Image.open(io.BytesIO(image)).convert("RGB"), dtype=float)
+
+
+def picture(page: Any) -> np.ndarray:
+    """The view as pixels, drawn afresh."""
     shot = page.evaluate("() => window.pinsing.view.viewer.capture_image()")
-    data = base64.b64decode(shot.split(",")[1])
-    return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), dtype=float)
+    return pixels(base64.b64decode(shot.split(",")[1]))
 
 
 def serious_findings(page: Any) -> list[Any]:
@@ -36,9 +40,9 @@ def serious_findings(page: Any) -> list[Any]:
     return [(v["id"], v["nodes"][0]["target"], len(v["nodes"])) for v in grave]
 
 
-def near(pixels: np.ndarray, color: tuple[int, int, int]) -> int:
+def near(shown: np.ndarray, color: tuple[int, int, int]) -> int:
     """Pixels whose hue is that of a colour, whatever it is mixed with."""
-    centred = pixels - pixels.mean(axis=-1, keepdims=True)
+    centred = shown - shown.mean(axis=-1, keepdims=True)
     aim = np.array(color) - np.mean(color)
     length = np.linalg.norm(centred, axis=-1)
     cosine = centred @ (aim / np.linalg.norm(aim)) / np.maximum(length, 1e-9)

@@ -1,6 +1,7 @@
 """The interface under stress: threads, processes, pickles, inputs that must stay as they are."""
 
 import copy
+import json
 import os
 import pickle
 from concurrent.futures import ThreadPoolExecutor
@@ -14,7 +15,6 @@ from command_line import python
 from tiers import tiered
 
 from pinsing import Arm, analyze, at, closed_form, load, singular_values
-from pinsing.interface import JsonResult
 from pinsing.kinematics import refine
 from pinsing.sampling import sweep
 
@@ -27,11 +27,9 @@ def points(arm: Arm, count: int) -> np.ndarray:
 
 def plain(value: Any) -> Any:
     """Numbers of results, to the last bit; times aside."""
-    if isinstance(value, JsonResult):
-        value = value.to_dict()
-    if isinstance(value, dict):
-        return {k: plain(v) for k, v in value.items() if "seconds" not in k}
-    return [plain(v) for v in value] if isinstance(value, list | tuple) else value
+    text = json.dumps(value, default=lambda result: result.to_dict())
+    kept = {"object_hook": lambda d: {k: v for k, v in d.items() if "seconds" not in k}}
+    return json.loads(text, **kept)
 
 
 def work(arm: Arm) -> dict[str, Any]:

@@ -210,7 +210,7 @@ def test_commands_answer_without_what_only_linux_has(tmp_path, system):
     (tmp_path / "poses.csv").write_text("\n".join(["x,y,z,roll,pitch,yaw", *rows]))
     (tmp_path / "run.csv").write_text("q1,q2,q3\n0.1,1,0.3\n")
     words = json.dumps([words.split() for words, _ in ANSWERS])
-    env = {"MPLBACKEND": "Agg", "PATH": "/usr/bin:/bin", "HOME": str(tmp_path)}
+    env = {"MPLBACKEND": "junk", "PATH": "/usr/bin:/bin", "HOME": str(tmp_path)}
     code = f"{HIDING}\nsys.platform = {system!r}\n{MANY}"
     done = python("-c", code, words, env=env, cwd=tmp_path, timeout=120)
     assert done.returncode == 0, done.stderr
