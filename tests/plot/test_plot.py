@@ -428,7 +428,6 @@ def puma_locus(*joints, of=PUMA, **options):
     ("draw", "words"),
     [
         (lambda: plot.aspect_plane(textbook(PUMA), "q1", "q1"), "two different"),
-        (lambda: plot.aspect_plane(textbook(PUMA), "q1", "nope"), "nope"),
         (lambda: puma_locus("q2", "q3", third="q5"), "belong together"),
         (lambda: puma_locus("q2", "q3", third="q2", values=[0.0]), "already"),
         (lambda: puma_locus("q2", "q3", third="q4", values=[]), "a row of 1 to 12"),

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 import urllib.error
+import urllib.parse
 import urllib.request
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
@@ -338,7 +339,7 @@ def command() -> Iterator[tuple[subprocess.Popen[str], SimpleNamespace]]:
     """A page shown by the command line, and its address and port."""
     process = started("-m", "pinsing", "view", "scara", "--skeleton", "--no-open")
     url = process.stdout.readline().strip()
-    yield process, SimpleNamespace(url=url, port=int(url.split(":")[2].split("/")[0]))
+    yield process, SimpleNamespace(url=url, port=urllib.parse.urlsplit(url).port)
     process.kill()
     process.communicate()
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from urllib.parse import urlsplit
 
 import click
 import meshcat
@@ -208,16 +209,12 @@ def test_a_viewer_brings_nothing_that_a_browser_would_wait_for_in_vain() -> None
     python("-c", code, cwd=root, check=True)
 
 
-def port_of(url: str) -> int:
-    return int(url.split(":")[2].split("/")[0])
-
-
 def test_a_taken_port_is_passed_over_or_told_and_given_back_at_the_end() -> None:
     arm = textbook("scara")
     with Viewer(arm, skeleton=True) as one, Viewer(arm, skeleton=True) as two:
         assert one.url != two.url
         assert get(two.url)[0] == 200
-        port = port_of(one.url)
+        port = urlsplit(one.url).port
         for options, words in (({"port": port}, str(port)), ({"host": "no.invalid"}, "address")):
             with (
                 Viewer(arm, skeleton=True, **options) as third,
@@ -251,7 +248,7 @@ def test_ctrl_c_between_the_address_and_the_page(
 
     def interrupted(text: str, err: bool = False) -> None:
         if not err:
-            socket.create_connection(("127.0.0.1", port_of(text)), timeout=5).close()
+            socket.create_connection(("127.0.0.1", urlsplit(text).port), timeout=5).close()
             raise KeyboardInterrupt
         click.echo(text, err=True)
 
