@@ -24,16 +24,12 @@ def run(name: str, *words: object) -> str:
     return done.stdout
 
 
-def test_examples_are_short():
-    files = sorted(EXAMPLES.glob("*.py"))
+def test_examples_are_short_and_each_is_run_by_a_test():
+    tests = "".join(p.read_text() for p in Path(__file__).parent.rglob("test_*.py"))
+    files = {f.name: f.read_text() for f in sorted(EXAMPLES.glob("*.py"))}
     assert len(files) >= 2
-    assert [f.name for f in files if len(f.read_text().splitlines()) > 60] == []
-
-
-def test_every_example_is_run_by_a_test():
-    tests = [p.read_text() for p in Path(__file__).parent.rglob("test_*.py")]
-    for file in EXAMPLES.glob("*.py"):
-        assert any(file.name in text for text in tests), file.name
+    assert [name for name in files if name not in tests] == []
+    assert [name for name, text in files.items() if len(text.splitlines()) > 60] == []
 
 
 # What each prints, whatever the machine; those that draw, ask or start more have a test below.

@@ -11,7 +11,6 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 from unittest.mock import Mock
 
 import pytest
@@ -39,10 +38,6 @@ def shell(words: list[str], ending: str, before: str = "") -> subprocess.Complet
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
-def errors(done: Any) -> list[str]:
-    return [x for x in done.stderr.splitlines() if not x.startswith("pinsing: note")]
-
-
 CLOSED = [TAKES_NOTHING + "it is closed"]
 STREAMS: list[tuple[list[str], str, int, list[str]]] = [
     (AT, ">&-", 2, CLOSED), ([*JSON, "-"], ">&-", 2, CLOSED), (["--help"], ">&-", 2, CLOSED),
@@ -56,7 +51,8 @@ STREAMS: list[tuple[list[str], str, int, list[str]]] = [
 def test_streams_that_are_not_there(words, ending, code, said) -> None:
     done = shell(words, ending)
     assert done.returncode == code
-    assert errors(done) == said
+    notes = "pinsing: note"
+    assert [x for x in done.stderr.splitlines() if not x.startswith(notes)] == said
     if code == 1:
         assert "SINGULAR" in done.stdout.splitlines()[0]
 

@@ -49,11 +49,6 @@ def marks(ax: Axes) -> list[Line2D]:
     return [line for line in ax.get_lines() if line.get_marker() == "o"]
 
 
-def named(ax: Axes, label: str) -> Line2D:
-    (line,) = (line for line in ax.get_lines() if line.get_label() == label)
-    return line
-
-
 def traced(ax: Axes) -> list[np.ndarray]:
     """Points of each curve where something is zero."""
     curves = (c for c in ax.collections if isinstance(c, ContourSet))
@@ -260,7 +255,8 @@ def test_singular_values_along_a_way_and_where_it_meets_families() -> None:
         # Between two configurations of the way: the line comes down to it all the same.
         (dot,) = marks(ax)
         np.testing.assert_allclose(np.asarray(dot.get_xdata()), [length / 2])
-        values = named(ax, r"$\sigma_{\min}$").get_ydata()
+        (line,) = (x for x in ax.get_lines() if x.get_label() == r"$\sigma_{\min}$")
+        values = line.get_ydata()
         assert (len(values), np.argmin(values)) == (9, 4)
         sigma = singular_values(arm, way)[:, -1]
         np.testing.assert_allclose(np.delete(values, 4), sigma)

@@ -49,10 +49,6 @@ def written(robot: Any, folder: Path, **options: Any) -> str:
     return (folder / "r.html").read_text()
 
 
-def script_types(page: ElementTree.Element) -> list[str | None]:
-    return [e.get("type") for e in page.iter("script")]
-
-
 @functools.cache
 def planar() -> str:
     """A small arm's report without the interactive model."""
@@ -110,7 +106,7 @@ def test_nothing_comes_from_elsewhere_and_no_script_runs() -> None:
             assert not key.startswith("on")
             if key in ("src", "href", "data", "action", "poster"):
                 assert value.startswith(("#", "data:")), value
-    assert script_types(page) == ["application/json"]
+    assert [e.get("type") for e in page.iter("script")] == ["application/json"]
     policy = next(m.get("content", "") for m in page.iter("meta") if "http-equiv" in m.attrib)
     assert policy.startswith("default-src 'none'")
     assert "unsafe" not in policy
@@ -194,7 +190,7 @@ def test_hostile_names_are_shown_not_obeyed(tmp_path: Path) -> None:
     assert "<img src=x" not in html
     page = parsed(html)
     assert HOSTILE in text(page)
-    assert script_types(page) == ["application/json"]
+    assert [e.get("type") for e in page.iter("script")] == ["application/json"]
     assert HOSTILE in inside(html)["robot"]["arm"]["joints"]
 
 
@@ -296,9 +292,8 @@ def test_the_same_twice() -> None:
     assert "1970-01-01 00:00 UTC" in one
 
 
-WIDER = "[...document.querySelectorAll('html, .wide, figure')].filter(WIDE).length".replace(
-    "WIDE", "(x) => x.scrollWidth > x.clientWidth"
-)
+WIDER = """[...document.querySelectorAll('html, .wide, figure')]
+  .filter((x) => x.scrollWidth > x.clientWidth).length"""
 
 
 @pytest.mark.slow
