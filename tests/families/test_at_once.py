@@ -73,7 +73,7 @@ ARMS = ["odd", "crx", "gofa", "panda", "xarm7"]
 
 
 @pytest.mark.parametrize("name", tiered(ARMS, ("odd", "crx", "panda")))
-def test_printed_values_are_singular_and_others_are_not(name: str) -> None:
+def test_printed_values_are_singular_and_all_zeros_of_the_equation(name: str) -> None:
     form = form_of(name)
     arm = form.geometry.arm
     rng = np.random.default_rng(5)
@@ -96,13 +96,6 @@ def test_printed_values_are_singular_and_others_are_not(name: str) -> None:
             full = full[np.isfinite(full).all(axis=1)]
             assert len(full) >= 300  # these arms always have a value
             assert ratios(arm, full).max() < tol
-        beside = full.copy()
-        beside[:, joint] += rng.choice([-0.3, 0.3], len(full))
-        other = [f for f in form.families if f is not family]
-        clear = ~np.any([f.contains(beside, 1e-3) for f in other], axis=0) if other else True
-        left = ratios(arm, beside)[clear]
-        assert np.median(left) > 1e-3
-        assert left.min() > 1e-9
         # And there are no other values.
         grid = np.linspace(-np.pi, np.pi, 721)
         for q in Q[:: 60 if name == "odd" else 8]:

@@ -11,14 +11,13 @@ import pytest
 from arms import planar
 from flint import nmod_mat
 from public import script
-from singular_sets import RIGHT, Joint, build, check_families, drop
 from tiers import tiered
 
 import pinsing
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component, inside, settled
 from pinsing.algebra.ring import make_ring
-from pinsing.families import closed_form, slices
+from pinsing.families import slices
 from pinsing.families.form import families_html, families_text
 from pinsing.families.slices import ModularChain, joints_that_matter, without_inner
 from pinsing.families.solve import ComponentSearch
@@ -270,30 +269,6 @@ def test_a_value_that_another_one_leaves_is_a_value():
     for relation in (x1 * x2 - 3 * y1 * y2, x1 * x1 - 2 * y1 * y1):
         c = Component({}, (relation,), True, 1)
         assert settled(c, ring) == c
-
-
-@pytest.mark.slow
-def test_no_value_of_a_joint_is_lost(rng):
-    """q3 = 180° came out as "2 x3 = 0", of which no real value was found: the answer was called
-    complete without it."""
-    rows = [
-        Joint(a=-0.06, d=-0.31), Joint(RIGHT, 0.06, slides=True), Joint(np.pi, 0.37, 0.53),
-        Joint(a=0.39, d=0.13), Joint(-RIGHT, 0.3), Joint(), Joint(RIGHT, slides=True),
-    ]  # fmt: skip
-    arm = build(rows, (0.19, -0.02, 0.14), "vx,vy,vz,wz")
-    form = closed_form(arm, seconds=60, prove=False)
-    assert form.complete
-    for q3 in (0.0, np.pi, RIGHT, -RIGHT):
-        for q4 in (RIGHT, -RIGHT):
-            q = rng.uniform(-1, 1, (20, 7))
-            q[:, 2], q[:, 3] = q3, q4
-            turned = q[:, 4] + q[:, 5]
-            q[:, 6] = -(0.3 + 0.19 * np.cos(turned) + 0.14 * np.sin(turned)) / np.sin(turned)
-            assert drop(arm, q).max() < 1e-9
-            assert np.any([f.contains(q) for f in form.families], axis=0).all(), (q3, q4)
-            q[:, 2] += 0.01
-            assert drop(arm, q).min() > 1e-7
-    check_families(arm, form, 40)
 
 
 def test_points_tell_what_division_does_not():

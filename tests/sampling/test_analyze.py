@@ -130,8 +130,17 @@ PI = np.pi
 
 
 def found(arm, **options):
+    """Findings by their conditions, each of which holds on its representative; and the sweep."""
     result = sweep(arm, **options)
-    return {str(f.condition): f for f in singular_configurations(arm, result)}, result
+    findings = singular_configurations(arm, result)
+    for f in findings:
+        c = f.configuration
+        assert (c.sigma_ratio <= 1e-9) == (f.status == "singular")
+        at = [c.q[arm.joints.index(joint)] for joint in f.condition.fixed]
+        away = np.subtract(at, list(f.condition.fixed.values()))
+        assert f.status != "singular" or np.exp(1j * away) == pytest.approx(1, abs=1e-6)
+        assert not f.reachable or arm.within_limits(c.q)
+    return {str(f.condition): f for f in findings}, result
 
 
 def test_surgical_arm():
@@ -168,30 +177,14 @@ def test_puma_and_ur5():
     assert sigma_ratio(singular_values(nominal(arms.ur5()).arm, q))[0] <= 1e-9
 
 
-REAL = {
-    "ur5": arms.ur5,
-    "irb1400": lambda: arms.textbook("irb1400"),
-    "iiwa14": lambda: arms.textbook("iiwa14"),
-    "xarm7": lambda: arms.data_robot("xarm_description/urdf/xarm7.urdf", tip="link7"),
-}
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("name", REAL)
-def test_every_finding_holds_on_its_representative(name):
-    arm = REAL[name]()
-    findings = found(arm)[0].values()
-    assert findings
-    for f in findings:
-        c = f.configuration
-        assert c.sigma_ratio <= 1e-9
-        if name == "xarm7":  # whose file is rounded
-            assert 1e-9 < f.raw_ratio < 1e-5
-            assert "on the file as it is the ratio is" in str(f)
-        for joint, value in f.condition.fixed.items():
-            away = c.q[arm.joints.index(joint)] - value
-            assert np.exp(1j * away) == pytest.approx(1, abs=1e-6)
-        assert not f.reachable or arm.within_limits(c.q)
+def test_findings_of_a_file_that_is_rounded_and_of_others():
+    assert all(found(arms.textbook(name))[0] for name in ("irb1400", "iiwa14"))
+    rounded, _ = found(arms.data_robot("xarm_description/urdf/xarm7.urdf", tip="link7"))
+    assert rounded
+    for f in rounded.values():
+        assert 1e-9 < f.raw_ratio < 1e-5
+        assert "on the file as it is the ratio is" in str(f)
 
 
 def test_singular_only_outside_the_limits():
