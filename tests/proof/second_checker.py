@@ -7,7 +7,6 @@ try, it takes its own. It looks for clarity first and speed second.
 
 import json
 import re
-import sys
 from itertools import combinations
 
 from flint import Ordering, fmpq, fmpq_mpoly_ctx
@@ -534,9 +533,3 @@ def second_verdict(text):
     except No as reason:
         return str(reason) or "no"
     return ""
-
-
-if __name__ == "__main__":
-    for path in sys.argv[1:]:
-        with open(path, encoding="utf-8") as file:
-            print(path, second_verdict(file.read()) or "ACCEPTED")
