@@ -62,12 +62,26 @@ def on_no_family(form, **degrees):
     return sum(form.family_of(x) is None for x in q), len(q)
 
 
-def test_no_value_of_a_joint_is_lost():
-    """0 was taken for 180 degrees, and a component dropped as a part of q3 = 180 degrees."""
-    form = closed_form(chain(EVEN), seconds=60, prove=False)
+SYMMETRIC = [(0, 0.4, 0, 90), (-90, 0, 0.3, -90), *[(0, 0.25, 0.2, 180)] * 2, (-90, 0, 0.3, -90)]
+SYMMETRIC += [(0, 0.4, 0, 90)]
+THIRD = 2 * math.degrees(math.atan(1 / 3))
+HELD = {
+    # 0 was taken for 180 degrees, and a component dropped as a part of q3 = 180 degrees.
+    "a rational value": (EVEN, "pose", [{"q2": 0, "q3": 0}, {"q2": 180, "q3": 0}, {"q3": 180}]),
+    # sin q3 = 0 was solved as q3 = 0.
+    "a product": (
+        SYMMETRIC, "vx,vy,vz,wz",
+        [{"q3": q3, "q4": 0, "q5": q5} for q3 in (0, 180) for q5 in (THIRD, THIRD - 180)],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", tiered(HELD, {"a rational value"}))
+def test_no_value_of_a_joint_is_lost(name):
+    rows, task, values = HELD[name]
+    form = closed_form(chain(rows, task), seconds=60, prove=False)
     assert form.complete, form.gaps
-    values = {"q2": 0, "q3": 0}, {"q2": 180, "q3": 0}, {"q3": 180}
-    assert [on_no_family(form, **degrees) for degrees in values] == [(0, 40)] * 3
+    assert [on_no_family(form, **degrees) for degrees in values] == [(0, 40)] * len(values)
 
 
 @pytest.mark.slow
