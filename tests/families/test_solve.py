@@ -29,12 +29,14 @@ from singular_sets import (
 from tiers import tiered, tiered_rows
 
 from pinsing.algebra.components import Component
+from pinsing.description.catalog import data_folder
 from pinsing.families import ClosedForm, closed_form, prove
 from pinsing.families.family import latex_lines
 from pinsing.families.form import coverage_words, families_text
 from pinsing.families.solve import STEPS, ComponentSearch, all_minors
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
+from pinsing.sampling.analyze import analyze
 
 PI, R = np.pi, RIGHT
 ELBOW = ["q3 = 0° or 180°", "q5 = 0° or 180°"]
@@ -357,6 +359,16 @@ def test_nine_joints_end_in_time_and_say_what_stopped_them():
     form = closed_form(load("alex_nub_hands", tip=NINE["alex_nub_hands"]), seconds=0.3)
     assert not form.complete
     assert any("budget of" in g or "told apart" in g for g in form.gaps)
+
+
+@pytest.mark.slow
+def test_what_a_search_finds_close_to_a_family_is_on_it():
+    """At Romeo's wrist sigma_r is below the tolerance 1e-3 away from where it is zero."""
+    file = data_folder() / "romeo_description/urdf/romeo_laas_small.urdf"
+    result = analyze(load(file, tip="RWristPitchSphereCollision_shape"), seconds=240)
+    assert result.complete
+    assert result.agree, result.problems
+    assert result.random_search.singular > 250
 
 
 CARRIERS = {
