@@ -183,15 +183,11 @@ def test_only_info_and_view_say_which_meshes_are_missing(package):
     file.write_text(drawn("b.stl"))
     said = "1 of 1 mesh files not found and not drawn, as 'b.stl' (no such file)"
     for words, told in (["list"], True), (["families"], False), (["at", "--q", "0,0"], False):
-        done = run(words[0], str(file), *words[1:])
+        done = run(words[0], file, *words[1:])
         assert done.exit_code == 0
         assert (said in " ".join(done.output.split())) == told
-    done = run("list", str(file), "-o", "-")
-    assert said in json.loads(done.stdout)["arm"]["notes"]
-    page = package / "page.html"
-    done = run("view", str(file), "-o", str(page))
-    assert done.exit_code == 0
-    assert f"note: {said}" in done.stderr
+    assert said in json.loads(run("list", file, "-o", "-").stdout)["arm"]["notes"]
+    assert f"note: {said}" in run("view", file, "-o", package / "page.html").stderr
 
 
 def test_a_texture_that_is_not_there_leaves_the_shape(package):

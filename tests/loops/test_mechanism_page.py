@@ -39,10 +39,10 @@ def slider_crank() -> Mechanism:
 
 
 EVERY = [*SHIPPED, "slider_crank", "bennett"]
-FEW = ("five_bar", "slider_crank")
 
 
-def mechanism_of(name: str) -> Mechanism:
+@pytest.fixture
+def mechanism(name: str) -> Mechanism:
     return slider_crank() if name == "slider_crank" else shipped(name)
 
 
@@ -70,9 +70,8 @@ def states(
 
 
 @pytest.mark.parametrize("name", tiered(EVERY, {"five_bar"}))
-def test_frames_measures_and_verdicts_agree(name: str, rng: np.random.Generator) -> None:
+def test_frames_measures_and_verdicts_agree(name, mechanism, rng) -> None:
     """Loops of all three kinds, sliding joints; what is singular is among them."""
-    mechanism = mechanism_of(name)
     Q = random_closed(mechanism, 40, rng)
     assert len(Q) > 20
     if name in SHIPPED:
@@ -101,7 +100,7 @@ SHOWN = """Q.map((q) => {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", tiered(SHIPPED, ("five_bar",)))
+@pytest.mark.parametrize("name", SHIPPED)
 def test_what_is_shown_is_what_python_says(name: str) -> None:
     """In words; joints to blame; ellipses; wrenches that do no work, motions without a motor."""
     mechanism, sizes = shipped(name), linkage_sizes(shipped(name))
@@ -148,9 +147,8 @@ def test_what_is_shown_is_what_python_says(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", tiered(EVERY, FEW[:1]))
-def test_driving_follows_the_same_mode_as_far(name: str) -> None:
-    mechanism = mechanism_of(name)
+@pytest.mark.parametrize("name", EVERY)
+def test_driving_follows_the_same_mode_as_far(name: str, mechanism: Mechanism) -> None:
     rng = np.random.default_rng(4)
     start = home(mechanism)
     wanted = start[list(mechanism.actuated)] + rng.uniform(-2, 2, (24, len(mechanism.inputs)))
@@ -170,9 +168,8 @@ def test_driving_follows_the_same_mode_as_far(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", tiered(EVERY, FEW[:1]))
-def test_a_range_ends_where_driving_does(name: str) -> None:
-    mechanism = mechanism_of(name)
+@pytest.mark.parametrize("name", EVERY)
+def test_a_range_ends_where_driving_does(mechanism: Mechanism) -> None:
     q = home(mechanism)
     found = asked(mechanism, "data.actuated.map((_, k) => m.stretch(data, q, k))", q=q)
     for k, here in enumerate(found):
@@ -195,10 +192,9 @@ def test_a_range_ends_where_driving_does(name: str) -> None:
         assert set(np.round(ends, 9)) <= set(np.round([here["lower"], here["upper"]], 9))
 
 
-@pytest.mark.parametrize("name", tiered([*EVERY, "agile_eye", "delta"], FEW[:1]))
-def test_modes_agree(name: str) -> None:
+@pytest.mark.parametrize("name", tiered([*EVERY, "agile_eye", "delta"], {"five_bar"}))
+def test_modes_agree(name: str, mechanism: Mechanism) -> None:
     """Closed, within the limits, each once and with a name of its own; the pose is kept."""
-    mechanism = mechanism_of(name)
     q, driven = home(mechanism), list(mechanism.actuated)
     pose = output_pose(mechanism, q)
     found = asked(mechanism, "m.modesAt(data, q)", q=q)
@@ -226,9 +222,8 @@ def test_modes_agree(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", tiered(SHIPPED, ("five_bar",)))
-def test_singular_points_are_refined_to_the_same_place(name: str) -> None:
-    mechanism = shipped(name)
+@pytest.mark.parametrize("name", SHIPPED)
+def test_singular_points_are_refined_to_the_same_place(name: str, mechanism: Mechanism) -> None:
     rng = np.random.default_rng(2)
     held = list(mechanism.actuated)[1:]
     points = [p for p in analyzed(name).points if p.kind in ("type 1", "type 2")][:12]
@@ -249,9 +244,8 @@ def test_singular_points_are_refined_to_the_same_place(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", tiered(SHIPPED, ("four_bar",)))
-def test_paths_lead_into_singularities_and_along_them(name: str) -> None:
-    mechanism = shipped(name)
+@pytest.mark.parametrize("name", SHIPPED)
+def test_paths_lead_into_singularities_and_along_them(name: str, mechanism: Mechanism) -> None:
     listed = [group for group in groups(mechanism, analyzed(name)) if group.points]
     cases = [
         {"q": p.q, "kind": p.kind, "converged": p.converged,
@@ -285,9 +279,8 @@ def test_of_type_3_there_is_no_way_along():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", tiered(EVERY, FEW[1:]))
-def test_the_healthiest_pose_is_within_limits_and_regular(name: str) -> None:
-    mechanism = mechanism_of(name)
+@pytest.mark.parametrize("name", EVERY)
+def test_the_healthiest_pose_is_within_limits_and_regular(mechanism: Mechanism) -> None:
     found = asked(mechanism, "m.healthiestPose(data, [], 60, 30)")
     state = loops.mechanism_at(mechanism, found["q"])
     assert state.kind == "regular"
@@ -355,8 +348,7 @@ def turned(gap: np.ndarray, rows: list[int]) -> np.ndarray:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LED)
-def test_an_output_is_led_to_a_pose_and_the_loops_stay_closed(name: str) -> None:
-    mechanism = shipped(name)
+def test_an_output_is_led_to_a_pose_and_the_loops_stay_closed(name, mechanism) -> None:
     data = data_of(mechanism)
     rows = data["pose"]["rows"]
     aside = np.random.default_rng(5).uniform(-0.05, 0.05, (6, len(rows)))
@@ -422,9 +414,8 @@ def test_ways_of_driven_slides_have_names_of_their_own_alike_on_the_page(tmp_pat
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", tiered(["planar_3rpr", "rps3", "five_bar"], {"five_bar"}))
-def test_where_a_pose_ends_a_limit_or_a_singularity_is_met(name: str) -> None:
-    mechanism = shipped(name)
+@pytest.mark.parametrize("name", ["planar_3rpr", "rps3", "five_bar"])
+def test_where_a_pose_ends_a_limit_or_a_singularity_is_met(name: str, mechanism: Mechanism) -> None:
     data = data_of(mechanism)
     found = asked(
         mechanism,

@@ -99,7 +99,7 @@ OVER = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", tiered(OVER, ("planar_3rpr",)))
+@pytest.mark.parametrize("name", OVER)
 def test_each_pose_of_a_slice_is_closed_and_has_its_coordinates(name: str) -> None:
     mechanism = shipped(name)
     start = loops.home(mechanism)

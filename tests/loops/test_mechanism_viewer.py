@@ -229,7 +229,7 @@ def test_what_takes_long_is_computed_beside_the_page(page: Any, five_bar: Mechan
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", tiered(NAMES, NAMES[:1]))
+@pytest.mark.parametrize("name", NAMES)
 def test_clicking_a_singular_pose_tells_its_type(page: Any, viewers: Any, name: str) -> None:
     viewer = viewers(name)
     open_at_home(page, viewer)

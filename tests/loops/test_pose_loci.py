@@ -44,11 +44,10 @@ def test_rows_that_leave_type_1_of_hinged_legs_open_are_said(tmp_path):
     assert any("type 1 is not in these equations" in x for x in forms.notes)
 
 
-OFF = 0.5
 STROKES = [("gough_stewart", 40), ("rps3", 16), ("planar_3rpr", 6)]
 
 
-def counted_from_mid_stroke(folder, name, off=OFF):
+def counted_from_mid_stroke(folder, name, off=0.5):
     """A shipped mechanism with the zero of each slide moved by ``off`` along it."""
     tree = ElementTree.parse(URDF / f"{name}.urdf")
     slides = [j for j in tree.iter("joint") if j.get("type") == "prismatic"]

@@ -98,10 +98,6 @@ def tree(more: str = "") -> str:
     )  # fmt: skip
 
 
-MIMIC = '<mimic joint="hip" multiplier="-2" offset="0.25"/>'
-ASIDE_LEADS = '<mimic joint="side" offset="0.7"/>'
-
-
 def led(lower: float, upper: float, multiplier: float) -> str:
     """A leader, and a follower whose limits count."""
     leader = J("j1", "l0", "l1", X, kind="revolute", limits=(-1, 2))
@@ -112,9 +108,8 @@ def led(lower: float, upper: float, multiplier: float) -> str:
 
 HINGE, AT = "revolute", (0.3, 0, 0)
 CROSSED = chain_text([(HINGE, AT, axis) for axis in (Z, Y, X, Y, Z)], (-1, 2))
-ASIDE = J("side", "l0", "s", kind=HINGE, limits=(-1, 2))
 TOWARDS = {
-    "TREE": tree(), "LINKED": tree(MIMIC),
+    "TREE": tree(), "LINKED": tree('<mimic joint="hip" multiplier="-2" offset="0.25"/>'),
     # The hand stays level: its joint undoes those of shoulder and elbow, by way of another.
     "PALLETIZER": chain_text([
         (HINGE, (0, 0, 0.3)), (HINGE, (0.1, 0, 0.2), Y), (HINGE, (0, 0, 0.6), Y),
@@ -128,8 +123,9 @@ TOWARDS = {
         ("continuous", AT, Y), (HINGE, AT),
     ]),
     "SIDE": urdf([
-        ASIDE, J("j1", "l0", "l1", AT, kind=HINGE, limits=(-1, 2)),
-        J("j2", "l1", "l2", AT, X, HINGE, (-1, 2), more=ASIDE_LEADS),
+        J("side", "l0", "s", kind=HINGE, limits=(-1, 2)),
+        J("j1", "l0", "l1", AT, kind=HINGE, limits=(-1, 2)),
+        J("j2", "l1", "l2", AT, X, HINGE, (-1, 2), more='<mimic joint="side" offset="0.7"/>'),
         J("j3", "l2", "l3", AT, kind=HINGE, limits=(-1, 2)),
     ]),
 }  # fmt: skip
