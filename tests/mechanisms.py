@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+import yaml
 from arms import URDF
 from node import ask
 from urdf_text import J, frame, loop_text, written
@@ -36,6 +37,14 @@ def shipped(name: str) -> Mechanism:
 def analyzed(name: str) -> MechanismAnalysis:
     """Its analysis at home."""
     return analyze_mechanism(shipped(name))
+
+
+def hexagons(name: str) -> Iterator[np.ndarray]:
+    """Points (6, 3) of base and platform, as the table of a shipped platform has them."""
+    table = yaml.safe_load((URDF / f"{name}.mechanism.yaml").read_text(encoding="utf-8"))
+    for row in (table["base"], table["platform"]):
+        angles = np.radians(row["angles"])
+        yield row["radius"] * np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
 
 
 def data_of(mechanism: Mechanism) -> dict[str, Any]:
@@ -112,11 +121,6 @@ def linkage(joints: list[J], *loops: Any, home: Mapping[str, float] = {}, **more
     more["home"] = home or dict(zip(names, np.linspace(0.4, 1.1, len(names)), strict=True))
     with TemporaryDirectory() as folder:
         return assembled(Path(folder), joints, *loops, **more)
-
-
-def cross(a: np.ndarray, b: np.ndarray) -> float:
-    """Of vectors in a plane."""
-    return float(a[0] * b[1] - a[1] * b[0])
 
 
 def circles(c1: Any, r1: float, c2: Any, r2: float) -> list[np.ndarray]:

@@ -93,6 +93,16 @@ def on_legs(folder, legs, ends, inputs, rows, whole="", home=None):
     return assembled(folder, joints, loops, inputs, "out", rows, home=home)
 
 
+def slides_in_the_plane(folder):
+    """A 3-PRR, its slides driven: along axes that are not exact."""
+    legs = []
+    for k, at in enumerate(BASE):
+        along = np.array([np.cos(0.3 + 2 * k), np.sin(0.3 + 2 * k), 0]).round(6)
+        slide = J(f"d{k}", "base", f"s{k}", (*at, 0), along, "prismatic", (-3, 3))
+        legs.append([slide, J(f"r{k}", f"s{k}", f"rod{k}"), frame(f"e{k}", f"rod{k}", (0.9, 0, 0))])
+    return on_legs(folder, legs, PLATFORM, ["d0", "d1", "d2"], "vx, vy, wz")
+
+
 def six(folder, legs, seed):
     """Rods at random on rails (``pus``: a hexaglide) or on cranks (``rus``); inputs q0, q1, ...
 

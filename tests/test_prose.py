@@ -9,13 +9,12 @@ import re
 import shlex
 import struct
 import termios
-from collections.abc import Iterator
 
 import pytest
 from command_line import run as pinsing_command, started
 from tiers import tiered
 
-from pinsing.prose import NARROWEST, WIDEST, Page, Table, alarm, columns, good, safe
+from pinsing.prose import NARROWEST, WIDEST, Page, Table, alarm, columns, safe
 
 ANSI = re.compile(r"\x1b\[[0-9;]*m")
 
@@ -68,14 +67,6 @@ class TestPage:
         assert Page.of(Terminal()).width == width
         assert Page.of(io.StringIO()).width == 100
 
-    def test_colours_take_no_room_and_change_no_break(self):
-        words = [alarm("SINGULAR"), ": rank 5 ", good("complete")] * 30
-        plain = Page(70).paragraph(*words)
-        painted = Page(70, colour=True).paragraph(*words)
-        assert "\x1b" not in plain
-        assert ANSI.sub("", painted) == plain
-        assert painted.count("\x1b[1;31m") == 30
-
     def test_names_cannot_paint(self):
         page = Page(100, colour=True)
         shown = page.paragraph("a\x1b[31mb", alarm("c\x1b[2Jd"))
@@ -90,9 +81,10 @@ class TestPage:
         text = "\n".join([f"{first} five", *rest])
         assert Page(28).fitted(text).split("\n") == [first, "      five", *rest]
         assert "\n  three" in Page(22).fitted(text)
-        painted = Page(28, colour=True).fitted(text)
-        assert "\x1b[1;31mSINGULAR\x1b[0m: one" in painted
-        assert ANSI.sub("", painted) == Page(28).fitted(text)
+        for width in (22, 28):  # colours take no room and change no break
+            painted = Page(width, colour=True).fitted(text)
+            assert "\x1b[1;31mSINGULAR\x1b[0m: one" in painted
+            assert ANSI.sub("", painted) == Page(width).fitted(text)
 
     def test_a_wide_table_wraps_its_widest_columns(self):
         rows = (("1", "x" * 70, "some words that go on and on for a while", "m"),)
@@ -110,13 +102,6 @@ COMMANDS = [
 ]  # fmt: skip
 
 
-@contextlib.contextmanager
-def at_width(width: int) -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pinsing.prose.WIDTH", width)
-        yield
-
-
 def run(*words: str) -> str:
     done = pinsing_command(*words)
     assert done.exit_code == 0, done.output
@@ -124,11 +109,11 @@ def run(*words: str) -> str:
 
 
 @pytest.mark.parametrize("words", tiered(COMMANDS, (COMMANDS[2],)), ids=lambda words: words[0])
-def test_lines_are_as_long_as_the_page_is_wide(words):
+def test_lines_are_as_long_as_the_page_is_wide(words, monkeypatch):
     longest = []
     for width in (60, 100, 200):
-        with at_width(width):
-            lines = run(*words).splitlines()
+        monkeypatch.setattr("pinsing.prose.WIDTH", width)
+        lines = run(*words).splitlines()
         assert len(lines) >= 2
         # Paths stay whole, to be copied.
         longest.append(max(columns(line) for line in lines if "/robots/" not in line))
@@ -159,9 +144,9 @@ def test_verdicts_are_coloured_on_a_terminal_alone():
 
 @pytest.mark.parametrize("robot", tiered(["ur5", "stanford", "xarm7"], ("stanford",)))
 @pytest.mark.parametrize(("deg", "width"), [(False, 100), (True, 60)])
-def test_what_is_shown_of_a_family_can_be_pasted(robot, deg, width):
-    with at_width(width):
-        text = run("families", "-v", robot, "--deg" if deg else "--rad")
+def test_what_is_shown_of_a_family_can_be_pasted(robot, deg, width, monkeypatch):
+    monkeypatch.setattr("pinsing.prose.WIDTH", width)
+    text = run("families", "-v", robot, "--deg" if deg else "--rad")
     text = re.split(r"\n\n\d+ families", text)[-1]
     examples = re.findall(r"e\.g\. (.*(?:\n {9,}.*)*)\n((?: {8}\w.*\n)+)", text)
     assert len(examples) == len(re.findall(r"(?m)^  F\d+  ", text)) > 0

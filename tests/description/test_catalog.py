@@ -21,7 +21,6 @@ from pinsing.description import catalog
 from pinsing.description.dh_table import bare_urdf, known_table
 from pinsing.errors import PinsingError, RobotFileError, UnknownNameError
 from pinsing.proof.checker import verify
-from pinsing.robot.nominal import chain_model, flatten
 
 # Names that the loaders of example-robot-data give.
 LOADERS = [
@@ -175,17 +174,6 @@ def test_entries_are_whole():
         assert tip.rotation[:, 2] @ (tip.translation - before) > -1e-9, name
 
 
-def test_a_rebuilt_chain_keeps_names_limits_and_speeds():
-    """As that of a calibrated robot, whose speeds are judged; names are those of its driver."""
-    arm = pinsing.load("ur5e")
-    made = chain_model(flatten(arm), arm)
-    assert list(made.names)[1:] == list(arm.joints)
-    assert made.names[5] == "wrist_2_joint"
-    for limit in ("lowerPositionLimit", "upperPositionLimit", "velocityLimit"):
-        assert np.array_equal(getattr(made, limit), getattr(arm.model, limit)), limit
-    assert (made.velocityLimit == np.pi).all()
-
-
 @pytest.mark.parametrize("head", NAMES.heads())
 def test_names_are_found_as_people_write_them(head: str) -> None:
     """And those of arms of the same kind are suggested first."""
@@ -299,17 +287,9 @@ def package(tmp_path, monkeypatch):
         del sys.modules[name]
 
 
-def test_a_described_robot_loads_by_name(package, capsys):
-    arm = pinsing.load("rd:puma_description")
-    assert capsys.readouterr().out == ""
-    q = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
-    J, own = (pinsing.frame_jacobian(a, q) for a in (arm, pinsing.load("puma560")))
-    assert pytest.approx(own) == J
-
-
 @pytest.mark.parametrize("head", DESCRIBED.heads())
-def test_what_is_said_of_described_robots(package, head):
-    """Robots, and arguments of xacro."""
+def test_what_is_said_of_described_robots(package, head, capsys):
+    """Robots, and arguments of xacro; of them alone, not by them."""
     name, *given = head.removesuffix(" (slow)").split()
     try:
         arm = pinsing.load(name, xacro_args=dict(word.split("=") for word in given))
@@ -317,6 +297,7 @@ def test_what_is_said_of_described_robots(package, head):
         DESCRIBED.hold(head, str(error))
     else:
         DESCRIBED.hold(head, "\n".join(told(arm)))
+    assert capsys.readouterr().out == ""
 
 
 def test_described_robots_are_listed(package):

@@ -28,12 +28,8 @@ WITHOUT_JOINTS = {"quadrotor_base.urdf", "ur3.urdf"}
 def test_good_file(read, tmp_path):
     """What arms are made of it, and what is noted of others, is in ``said``."""
     found = read(robot(joint(inner='<origin xyz="1 2 3"/><axis xyz="0 -1 0"/>' + LIMIT)))
-    assert (found.name, found.links, found.root) == ("r", ("a", "b", "c"), "a")
-    assert (found.path, found.notes) == (tmp_path / "arm.urdf", ())
-    entry = found.joints[1]
-    assert (entry.name, entry.kind, entry.parent, entry.child) == ("j2", "revolute", "b", "c")
-    assert (entry.axis, entry.lower, entry.upper, entry.line) == ((0.0, -1.0, 0.0), -1.0, 2.0, 5)
-    assert entry.mimic is entry.problem is None
+    assert (found.links, found.path, found.notes) == (("a", "b", "c"), tmp_path / "arm.urdf", ())
+    assert (found.joint("j2").axis, found.joint("j2").line) == ((0.0, -1.0, 0.0), 5)
     found.require_usable(["j1", "j2"])
     with pytest.raises(UnknownNameError, match="did you mean 'j1'"):
         found.require_usable(["j11"])
@@ -96,10 +92,9 @@ def test_joints_that_no_arm_can_have(read):
     assert build_model(found).nv == 1 + 6 + 3
 
 
-def test_build_model_is_silent_and_names_what_it_cannot_build(read, capfd):
+def test_build_model_names_what_it_cannot_build(read):
+    """It is silent: `test_said`."""
     found = read(robot())
-    build_model(found)
-    assert capfd.readouterr() == ("", "")
     broken = replace(found, shapes=replace(found.shapes, text=robot(joint(inner=""))))
     with pytest.raises(RobotFileError, match=r"arm\.urdf: Pinocchio cannot build it: [^\n]+$"):
         build_model(broken)

@@ -14,7 +14,6 @@ from pinsing import load
 from pinsing.description.catalog import data_folder
 from pinsing.description.files import expand_xacro
 from pinsing.errors import RobotFileError
-from pinsing.robot.models import build_model
 
 
 @pytest.fixture(autouse=True)
@@ -26,24 +25,9 @@ def _no_environment(monkeypatch):
 ARM = "".join(f'<link name="{link}"/>' for link in "abc") + joint("j1", "a", "b") + joint()
 
 
-def test_xacro_with_arguments_and_includes(read, tmp_path):
-    part = '<xacro:property name="length" value="0.25"/>' + '<link name="a"/><link name="b"/>'
-    (tmp_path / "part.xacro").write_text(XACRO.format(part))
-    text = XACRO.format(
-        '<xacro:arg name="scale" default="1"/>\n<xacro:include filename="part.xacro"/>'
-        + joint("j1", "a", "b", inner='<origin xyz="0 0 ${length*$(arg scale)}"/>' + LIMIT)
-    )
-    for arguments, height in ((None, 0.25), ({"scale": "2"}, 0.5)):
-        found = read(text, name="arm.urdf.xacro", xacro_args=arguments)
-        assert build_model(found).jointPlacements[1].translation[2] == height
-        assert found.joints[0].line is None
-    # the element tells, whatever the suffix
-    assert read(text).links == ("a", "b")
-
-
 def test_arguments_that_a_file_does_not_take(refused):
     text = XACRO.format('<xacro:arg name="scale" default="1"/>' + ARM)
-    said = str(refused(text, "arm.xacro", xacro_args={"scael": "2"}))
+    said = str(refused(text, xacro_args={"scael": "2"}))  # elements tell, whatever the suffix
     assert "has no xacro argument scael (it has: scale)" in said
     assert "takes no xacro arguments" in str(refused(robot(), xacro_args={"scale": "2"}))
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from command_line import run
 from mechanisms import URDF, closed_and_refined, shipped
-from platforms import BASE, PLATFORM, Way, left_side, on_legs, planar, volume
+from platforms import Way, left_side, planar, slides_in_the_plane, volume
 from tiers import sampled, tiered
-from urdf_text import J, frame
 
 from pinsing import loops
 from pinsing.errors import OptionError
@@ -120,13 +119,7 @@ def test_what_holds_everywhere_and_what_nowhere_is_said():
 
 def test_what_is_left_of_rounded_axes_is_no_term(tmp_path):
     """A slide along a direction that is not exact: no term comes of its last decimals."""
-    legs = []
-    for k, at in enumerate(BASE):
-        along = np.array([np.cos(0.3 + 2.1 * k), np.sin(0.3 + 2.1 * k), 0]).round(6)
-        slide = J(f"p{k}", "base", f"s{k}", (*at, 0), along, "prismatic", (-2, 2))
-        legs.append([slide, J(f"b{k}", f"s{k}", f"r{k}"), frame(f"e{k}", f"r{k}", (0.6, 0, 0))])
-    made = on_legs(tmp_path, legs, PLATFORM, ["p0", "p1", "p2"], "vx, vy, wz")
-    for locus in loops.joint_forms(made).loci:
+    for locus in loops.joint_forms(slides_in_the_plane(tmp_path)).loci:
         size = np.concatenate([np.abs(locus.equation.cos), np.abs(locus.equation.sin)])
         assert size[size > 0].min() > 1e-9 * size.max()
 

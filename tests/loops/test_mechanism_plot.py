@@ -8,9 +8,8 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-import yaml
 from click.testing import CliRunner
-from mechanisms import URDF, analyzed, assembled, shipped
+from mechanisms import analyzed, assembled, hexagons, shipped
 from tiers import sampled, tiered, tiered_rows
 from urdf_text import J, Y, frame
 
@@ -71,20 +70,13 @@ def test_what_closes_is_never_said_to_be_impossible(name, rng):
     assert not cannot_close(mechanism, closed).any()
 
 
-def _circle(row):
-    angles = np.radians(np.array(row["angles"], dtype=float))
-    return row["radius"] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-
-
 def test_impossible_inputs_of_a_platform_are_those_of_the_triangle(rng):
     """The points of the 6-3 are pairs that share one: the triangle's inequality, from the table."""
-    mechanism = shipped("stewart_6_3")
-    table = yaml.safe_load((URDF / "stewart_6_3.mechanism.yaml").read_text(encoding="utf-8"))
-    base, top = (_circle(table[x]) for x in ("base", "platform"))
+    mechanism, both = shipped("stewart_6_3"), list(hexagons("stewart_6_3"))
     inputs = rng.uniform(0.3, 2.5, (300, 6))
     open_ = np.zeros(300, dtype=bool)
     for pair in itertools.combinations(range(6), 2):
-        apart = [np.linalg.norm(np.subtract(*points[[*pair]])) for points in (base, top)]
+        apart = [np.linalg.norm(np.subtract(*points[[*pair]])) for points in both]
         sides = np.column_stack([np.tile(apart, (300, 1)), inputs[:, pair]])
         open_ |= 2 * sides.max(axis=1) > sides.sum(axis=1) + 1e-9
     assert 100 < open_.sum() < 300

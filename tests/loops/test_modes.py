@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mechanisms import analyzed, four_bar, linkage, planar_chains, shipped
+from mechanisms import analyzed, four_bar, hexagons, linkage, planar_chains, shipped
 from platforms import ups
-from tiers import sampled, tiered
+from tiers import tiered
 from urdf_text import J, X, stewart, written
 
 import pinsing
@@ -19,31 +19,7 @@ from pinsing.loops.solve import drive, intervals, trace
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.task import parse_task
 
-SHELF = {
-    # joints, closure equations written and independent, degrees of freedom
-    "gough_stewart": (21, 15, 15, 6), "stewart_6_3": (21, 15, 15, 6),
-    "griffis_duffy": (21, 15, 15, 6), "hexaglide": (21, 15, 15, 6), "rus6": (21, 15, 15, 6),
-    "rps3": (9, 6, 6, 3), "planar_3rpr": (7, 6, 4, 3), "planar_3rrr": (7, 6, 4, 3),
-    "five_bar": (4, 3, 2, 2), "four_bar": (3, 2, 2, 1), "delta": (18, 15, 15, 3),
-    "agile_eye": (7, 6, 4, 3), "rssr": (4, 3, 3, 1), "bennett": (4, 6, 3, 1),
-}  # fmt: skip
-BASE = np.radians([-10, 10, 110, 130, 230, 250])
-PLATFORM = np.radians([-50, 50, 70, 170, 190, 290])
 STEWART = shipped("gough_stewart")
-
-
-def polar(radius, angles):
-    return np.stack([radius * np.cos(angles), radius * np.sin(angles), 0 * angles], axis=1)
-
-
-@pytest.mark.parametrize("name", sampled(SHELF))
-def test_mobility_of_the_shelf(name):
-    mechanism = shipped(name)
-    joints, rows, rank, mobility = SHELF[name]
-    found = loops.ranks(mechanism)
-    assert (mechanism.n, mechanism.rows) == (joints, rows)
-    assert (found.constraint, found.mobility, found.output) == (rank, mobility, mobility)
-    assert np.abs(loops.residual(mechanism, loops.home(mechanism))).max() < 1e-11
 
 
 @pytest.mark.slow
@@ -51,7 +27,7 @@ def test_assembly_modes_of_the_platform_have_the_legs_asked_for():
     """Leg lengths from the pose of the output alone, by subtraction of points."""
     without_limits = loops.assembly_modes(STEWART.without_limits(), starts=120)
     asked = loops.home(STEWART)[list(STEWART.actuated)]
-    base, top = polar(1.0, BASE), polar(0.6, PLATFORM)
+    base, top = hexagons("gough_stewart")
     places = np.array([s.pose.se3.homogeneous for s in without_limits.modes])
     ends = places[:, None, :3, 3] + top @ places[:, :3, :3].transpose(0, 2, 1)
     np.testing.assert_allclose(np.linalg.norm(ends - base, axis=2), [asked] * len(ends), atol=1e-9)

@@ -226,25 +226,6 @@ def test_the_tip_is_seen_from_the_base_and_joints_keep_names_limits_and_values(
         np.testing.assert_allclose(arm.q_of(full) - turn, q, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("base", "tip", "joints"), [("shank", "chest", 3), ("upper", "thigh", 3), ("foot", "fore", 6)]
-)
-def test_short_chains_across_are_complete(base, tip, joints, rng):
-    arm = load(TOWARDS["TREE"], base=base, tip=tip)
-    form = pinsing.closed_form(arm)
-    assert arm.n == joints
-    assert form.complete
-
-    def smallest(q):
-        sizes = np.linalg.svd(seen_from_base(arm, q)[1], compute_uv=False)
-        return sizes[form.generic_rank - 1]
-
-    for q in draw(arm, rng, 20):
-        assert (smallest(q) < 1e-9) == (form.family_of(q) is not None)
-    for family in form.families:
-        assert max(map(smallest, family.points(5, rng))) < 1e-8
-
-
 def test_a_floating_base_drops_out(rng):
     file = str(find_robot("talos").path)
     floating = pin.buildModelFromUrdf(file, pin.JointModelFreeFlyer())

@@ -14,7 +14,7 @@ from golden import Golden
 from hypothesis import given, strategies as st
 from pinocchio.utils import rotate
 from tiers import sampled, tiered_rows
-from urdf_text import J, Y, Z, chain_text, follows, urdf
+from urdf_text import Y, Z, chain_text, follows
 
 from pinsing.kinematics.jacobian import frame_jacobian, frame_jacobians, generic_rank, tip_placement
 from pinsing.measures import Chain
@@ -281,24 +281,19 @@ def test_any_chain_is_within_its_stated_bound(chain, seed):
     assert exact.jacobian_change < 0.2  # six joints off by 2e-3 each, a few metres of reach
 
 
-def test_a_fixed_joint_of_four_digits_tilts_no_length():
+def test_a_fixed_joint_of_four_digits_tilts_no_length(rng):
     """Flanges and mounts are turned by 1.5708 as well: what is written behind them stays."""
-    joints = [
-        J("mount", "a", "m", (0, 0, 0.1), kind="fixed", rpy=(1.5708, 0, 0)),
-        J("j1", "m", "b", (0.1, 0.2, 0.3), Y),
-        J("j2", "b", "c", (0.4, 0, 0), Y, rpy=(1.5708, 0, 0)),
-        J("f1", "c", "flange", (0.05, 0, 0), kind="fixed", rpy=(0, -1.5708, -1.5708)),
-        J("f2", "flange", "tool", (0.01, 0.02, 0.15), kind="fixed"),
+    rows = [
+        ("fixed", (0, 0, 0.1), Z, (1.5708, 0, 0)), ("continuous", (0.1, 0.2, 0.3), Y),
+        ("continuous", (0.4, 0, 0), Y, (1.5708, 0, 0)),
+        ("fixed", (0.05, 0, 0), Z, (0, -1.5708, -1.5708)), ("fixed", (0.01, 0.02, 0.15)),
     ]  # fmt: skip
-    arm = load(urdf(joints), tip="tool", task="position")
+    arm = load(chain_text(rows), tip="l5", task="position")
     exact = nominal(arm)
-    assert exact.translation == (
-        (Fraction("0.1"), Fraction("-0.3"), Fraction("0.3")),
-        (0, Fraction("0.4"), 0),
-        (Fraction("0.01"), Fraction("0.07"), Fraction("0.15")),
-    )
+    lengths = ("0.1", "-0.3", "0.3"), (0, "0.4", 0), ("0.01", "0.07", "0.15")
+    assert exact.translation == tuple(tuple(map(Fraction, row)) for row in lengths)
     assert {s.what for s in exact.snaps} == {"angle"}
-    check(arm, exact, draw(arm, np.random.default_rng(1), 50))
+    check(arm, exact, draw(arm, rng, 50))
 
 
 # Exact numbers with square roots of 2 and 3 ----------------------------------------------

@@ -59,7 +59,7 @@ TAKES: dict[tuple[str, str], str] = {
     ("crossings", "motion"): "repr(crossings(form, [a, b]))",
     ("frame_jacobian", "q"): "frame_jacobian(arm, a)",
     ("frame_jacobians", "Q"): "frame_jacobians(arm, [a, b])",
-    ("generalize", "configuration"): "repr(generalize(arm, stretched(a), samples=8))",
+    ("generalize", "configuration"): "repr(generalize(arm, [*a[:-2], 0.0, a[-1]], samples=8))",
     ("Monitor.update", "q"): "repr(Monitor(form).update(a, (0.1, 0.2, 0.3)))",
     ("plan_map", "q"): "plan_map(arm, joints=['q2'], count=8, q=a).configurations(0, 8)",
     ("plan_sweep", "nominal"): "plan_sweep(arm, **SMALL, nominal=a).nominal",
@@ -110,11 +110,6 @@ def called(text: str, arm: pinsing.Arm, form: pinsing.ClosedForm, a: Any, b: Any
     names = {name: getattr(p, name) for p in packages for name in p.__all__}
     given = {"arm": arm, "form": form, "family": form.families[0], "a": a, "b": b}
     return eval(text, {**names, **globals(), **given})
-
-
-def stretched(q: np.ndarray) -> np.ndarray:
-    """Singular: the last but one of its values is q2."""
-    return np.array([*q[:-2], 0.0, q[-1]])
 
 
 def shown(arm: pinsing.Arm, then: Any = None, **given: Any) -> list[Any]:
