@@ -221,12 +221,6 @@ def test_tool0_has_the_axes_of_its_maker(makers: str, rpy: tuple[float, float, f
 
 # Robots of the package robot_descriptions, and MuJoCo models -----------------------------
 
-MUJOCO = """<mujoco model="two_links"><worldbody>
-  <body name="upper"><joint name="shoulder" range="-170 170"/><geom size="0.1"/>
-    <body name="lower" pos="0.4 0 0"><joint name="elbow" range="-150 150"/><geom size="0.1"/>
-    </body></body></worldbody></mujoco>
-"""
-
 STAND_IN = {
     "__init__": "from ._descriptions import DESCRIPTIONS\n",
     "_descriptions": """
@@ -270,7 +264,7 @@ def package(tmp_path, monkeypatch):
         place.mkdir(parents=True)
     (tmp_path / "arm.xacro").write_text(ARM)
     (pack / "link.xacro").write_text('<robot><link name="a"/></robot>')
-    (tmp_path / "arm.xml").write_text(MUJOCO)
+    (tmp_path / "arm.xml").write_text(Golden(HERE / "said" / "arm.xml.txt").good)
     places = {
         "puma": str(URDF / "puma560.urdf"), "urdf": str(URDF), "xacro": str(tmp_path / "arm.xacro"),
         "pack": str(pack), "mjcf": str(tmp_path / "arm.xml"),

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mechanisms import URDF, assembled
+from mechanisms import URDF, assembled, four_bar
 from urdf_text import J, X, ball, five_bar, frame
 
 import pinsing
@@ -103,15 +103,8 @@ def test_a_joint_that_mimics_another_is_driven_or_refused(tmp_path):
         assembled(tmp_path, joints, loops, ["q1", "b2"], *more)
 
 
-def test_lengths_in_millimetres_are_suspected(tmp_path):
-    joints = [
-        J("q1", "base", "arm"),
-        J("b1", "arm", "rod", (400, 0, 0)),
-        J("q2", "base", "arm2", (1700, 0, 0)),
-        frame("e1", "rod", (500, 0, 0)),
-        frame("e2", "arm2", (300, 0, 0)),
-    ]
-    mechanism = assembled(tmp_path, joints, [("e1", "e2")], ["q1"], "e2", "wz")
+def test_lengths_in_millimetres_are_suspected():
+    mechanism = four_bar(1700, 400, 500, 300)
     with pytest.raises(pinsing.PinsingError, match=r"up to 1.7e\+03 m; if they are in millimetres"):
         pinsing.loops.analyze_mechanism(mechanism)
 
