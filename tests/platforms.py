@@ -38,7 +38,7 @@ class Way:
     layers: float = 0.0
     from_platform: tuple[int, ...] = ()
     cut_at_elbow: tuple[int, ...] = ()
-    driven: str = ""
+    driven: str = ""  # kind of the joints, or of each leg's
     kind: str = ""
     output_rpy: tuple[float, float, float] = (0, 0, 0)
     base: np.ndarray = field(default_factory=lambda: BASE, repr=False)
@@ -82,9 +82,8 @@ def planar(folder, way: Way):
     rows = "vx, vz, wy" if way.rpy == (np.pi / 2, 0, 0) else "vx, vy, wz"
     start = {"p0": 0.6} if way.legs == "rpr" else {"a0": 1, "a1": 2, "a2": -1}
     kind = way.kind or ("planar" if way.layers else "3d")
-    return assembled(
-        folder, joints, loops, [f"{driven}{k}" for k in range(3)], "out", rows, kind, start
-    )
+    inputs = [f"{(3 * driven)[k]}{k}" for k in range(3)]
+    return assembled(folder, joints, loops, inputs, "out", rows, kind, start)
 
 
 def on_legs(folder, legs, ends, inputs, rows, whole="", home=None):

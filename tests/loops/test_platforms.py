@@ -1,5 +1,7 @@
 """Loci of platforms written in many ways, against the Jacobians, and lines without pinsing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from command_line import run
@@ -27,9 +29,8 @@ from pinsing.loops.closure import random_closed, residual, without_length
 from pinsing.loops.legs import rods
 from pinsing.loops.pose_loci import locus_distance
 
-FEET = np.array([(-0.5, -0.31, 0), (0.62, -0.2, 0), (0.07, 0.55, 0)])
-ELBOWS = np.array([(-0.51, 0.08, 0), (0.33, -0.42, 0), (0.41, 0.35, 0)])
-ENDS = np.array([(-0.13, -0.09, 0), (0.17, -0.11, 0), (0.02, 0.19, 0)])
+UNEQUAL = {"crank": np.array([0.39, 0.37, 0.4]), "rod": np.array([0.42, 0.36, 0.44])}
+ONE_ELBOW = Way("rrr", driven="aba", **UNEQUAL)
 WAYS = {
     "upright": Way("rpr", rpy=(np.pi / 2, 0, 0)), "oblique": Way("rpr", rpy=(0.4, 0.3, 0.2)),
     "in layers": Way("rpr", layers=0.1), "from the platform": Way("rpr", from_platform=(1, 2)),
@@ -37,7 +38,6 @@ WAYS = {
     "cranks": Way("rrr", rpy=(0.4, 0.3, 0.2)), "cut at an elbow": Way("rrr", cut_at_elbow=(2,)),
     "cut at two": Way("rrr", cut_at_elbow=(1, 2), rpy=(np.pi / 2, 0, 0)),
     "cut, oblique": Way("rrr", cut_at_elbow=(1, 2), rpy=(0.4, 0.3, 0.2)),
-    "elbows": Way("rrr", driven="b"),
 }  # fmt: skip
 
 
@@ -74,20 +74,6 @@ def turned_delta(folder):
     (folder / "delta.urdf").write_text(f'{text[:start]}rpy="0 0 0.5" {text[start:]}')
     (folder / "delta.loops.yaml").write_text((URDF / "delta.loops.yaml").read_text())
     return pinsing.load_mechanism(folder / "delta.urdf")
-
-
-def driven_elbows(folder, driven):
-    """A 3-RRR with each leg driven at its first joint (1) or at its elbow (2)."""
-    legs = [
-        [
-            J(f"r{k}1", "base", f"a{k}", FEET[k]),
-            J(f"r{k}2", f"a{k}", f"b{k}", ELBOWS[k] - FEET[k]),
-            frame(f"e{k}", f"b{k}", ENDS[k] - ELBOWS[k]),
-        ]
-        for k in range(3)
-    ]
-    inputs = [f"r{k}{d}" for k, d in enumerate(driven)]
-    return on_legs(folder, legs, ENDS, inputs, "vx, vy, wz")
 
 
 def irregular_delta(folder, off=0.0):
@@ -129,7 +115,8 @@ LOCI = {
     "delta": (from_the_shelf, "delta", (*BOTH, "constraint")),
     "delta, irregular": (irregular_delta, (*BOTH, "constraint")),
     "delta, output turned": (turned_delta, BOTH),
-    "one elbow": (driven_elbows, (1, 2, 1), BOTH), "elbows": (driven_elbows, (2, 2, 2), BOTH),
+    "one elbow": (planar, ONE_ELBOW, BOTH),
+    "elbows": (planar, replace(ONE_ELBOW, driven="b"), BOTH),
     "feet, one each": (driven_feet, UPS, TWO),
     "feet, two each": (driven_feet, [["ux", "uy"], ["p", "ux"], ["uy", "p"]], TWO),
     "feet across": (driven_feet, [["uy"]] * 6, TWO),
@@ -254,7 +241,7 @@ def test_what_is_written_of_determinants(tmp_path):
         assert ("(1) x " in over_pose) == rows
         assert "it closes where |B - C| = " in " ".join(over_pose.split())
     assert "along the axis of its first joint" in str(pose_forms(driven_feet(tmp_path, UPS)))
-    elbows = pose_forms(driven_elbows(tmp_path, (1, 2, 1)))
+    elbows = pose_forms(planar(tmp_path, ONE_ELBOW))
     assert not any("nowhere else" in x for x in elbows.notes)
 
 
