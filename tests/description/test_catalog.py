@@ -60,9 +60,7 @@ def test_every_file_has_a_name_and_every_name_a_file():
 
 def test_what_a_user_means(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    found = catalog.locate_robot("ur5")
-    assert not isinstance(found, Path)
-    assert found.name == "ur5"
+    assert catalog.locate_robot("ur5") == catalog.find_robot("ur5")
     (tmp_path / "panda").mkdir()
     assert not isinstance(catalog.locate_robot("panda"), Path)
     (tmp_path / "ur5").write_text("<robot/>")

@@ -69,17 +69,19 @@ def test_elbows_of_cranks_with_rods_that_leave_their_plane():
 
 
 def triangles(seed):
-    """Corners of base and platform at random; with an odd seed both equilateral, unlike turned."""
+    """A planar platform at random; with an odd seed of equilateral triangles, unlike turned."""
     rng = np.random.default_rng(seed)
     if seed % 2:
         third = 2 * np.pi * np.arange(3) / 3
         corners = np.stack([np.cos(third), np.sin(third)], axis=1)
-        return corners, 0.45 * corners @ turned_in_plane(np.pi / 3).T
-    return np.round(rng.uniform(-1, 1, (3, 2)), 2), np.round(rng.uniform(-0.5, 0.5, (3, 2)), 2)
+        platform = 0.45 * corners @ turned_in_plane(np.pi / 3).T
+        return Way("rpr", base=corners, platform=platform)
+    base, platform = rng.uniform(-1, 1, (3, 2)), rng.uniform(-0.5, 0.5, (3, 2))
+    return Way("rpr", base=base.round(2), platform=platform.round(2))
 
 
-def lengths(base, platform, at, angle):
-    return np.linalg.norm(at + platform @ turned_in_plane(angle).T - base, axis=1)
+def lengths(way, at, angle):
+    return np.linalg.norm(at + way.platform @ turned_in_plane(angle).T - way.base, axis=1)
 
 
 def relative(equation, values):
@@ -91,8 +93,7 @@ def relative(equation, values):
 @pytest.mark.parametrize("seed", range(6))
 def test_leg_lengths_at_which_the_lines_meet_are_on_the_locus(seed, tmp_path):
     rng = np.random.default_rng(seed)
-    base, platform = triangles(seed)
-    mechanism = planar(tmp_path, Way("rpr", base=base, platform=platform)).without_limits()
+    mechanism = planar(tmp_path, triangles(seed)).without_limits()
     found = input_loci(mechanism)
     on, beside = [], []
     for asked, q, kind in closed_and_refined(mechanism, 16, rng, "type 2"):
@@ -100,7 +101,7 @@ def test_leg_lengths_at_which_the_lines_meet_are_on_the_locus(seed, tmp_path):
         if asked in ("", kind):
             place.append(min(relative(x, q[list(mechanism.actuated)]) for x in found))
     if seed % 2:  # turned alike, every position is
-        alike = lengths(base, platform, rng.uniform(-1, 1, 2), -np.pi / 3)
+        alike = lengths(triangles(seed), rng.uniform(-1, 1, 2), -np.pi / 3)
         on.append(min(relative(x, alike) for x in found))
     assert min(len(on), len(beside)) > 5
     # Of degree 24, so that terms cancel to many digits everywhere.
@@ -115,9 +116,10 @@ def test_leg_lengths_at_which_the_lines_meet_are_on_the_locus(seed, tmp_path):
 def test_mirrored_poses_of_points_in_lines_are_on_no_locus(tmp_path):
     """With one orientation and the same lengths, but apart; where the lines are parallel."""
     base, platform = (np.outer(row, [1.0, 0.0]) for row in ((0, 0.4, 1), (-0.2, 0.1, 0.3)))
-    (found,) = input_loci(planar(tmp_path, Way("rpr", base=base, platform=platform)))
+    way = Way("rpr", base=base, platform=platform)
+    (found,) = input_loci(planar(tmp_path, way))
     for angle in (0.0, np.pi):
-        assert relative(found, lengths(base, platform, np.array([0.3, 0.5]), angle)) > 1e-6
+        assert relative(found, lengths(way, np.array([0.3, 0.5]), angle)) > 1e-6
 
 
 @pytest.mark.slow
@@ -188,14 +190,9 @@ def test_loci_of_two_legs_in_a_plane(tmp_path: Path, kinds: str, cut: str, plane
     check_loci(mechanism, np.random.default_rng(8), "type 1", "type 2")
 
 
-def random_triangles(folder, seed):
-    base, platform = triangles(seed)
-    return planar(folder, Way("rpr", base=base, platform=platform))
-
-
 LEG, ROD = "the two solutions of each leg", "the quadratic equation of its rod"
 COUNTED = {
-    **{f"3-RPR {seed}": (random_triangles, seed, "the real roots", LEG) for seed in (0, 2, 4, 6)},
+    **{f"3-RPR {seed}": (planar, triangles(seed), "the real roots", LEG) for seed in (0, 2, 4, 6)},
     **{f"3-RPS {seed}": (random_3rps, seed, "", "the planes of its hinges") for seed in range(4)},
     **{f"spherical {seed}": (random_eye, seed, "", LEG) for seed in range(6)},
     **{f"crank to crank {seed}": (one_rod, "crank", seed, ROD, ROD) for seed in range(4)},

@@ -43,10 +43,6 @@ def changed(old: str, new: str, text: str = GOOD) -> str:
     return text.replace(old, new)
 
 
-def line_of(old: str) -> int:
-    return GOOD[: GOOD.index(old)].count("\n") + 1
-
-
 NUMBERS = [
     'pos="0 0 0.2"', 'pos="0.1 0 0.3"', 'euler="0 0 90"', 'quat="1 0 0 0"', 'range="-170 170"',
     'ref="30"', 'axis="0 0 2"', 'zaxis="1 0 0"', 'axis="0 1 0"', 'range="-120 120"',
@@ -64,7 +60,7 @@ def test_a_broken_number_is_refused_where_it_stands(tmp_path, attribute, how):
     name, _, value = attribute.strip('"').partition('="')
     words = BAD[how](value.split())
     said = refused(tmp_path, changed(attribute, f'{name}="{" ".join(words)}"'))
-    assert f"arm.xml:{line_of(attribute)}: " in said
+    assert f"arm.xml:{GOOD.partition(attribute)[0].count(chr(10)) + 1}: " in said
     assert f" {name}=" in said
     reason = {"few": "must have", "many": "must have", "huge": "is too large"}
     reason |= dict.fromkeys(("nan", "infinite"), "not a finite")
