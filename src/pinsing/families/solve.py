@@ -113,13 +113,16 @@ def planar_chain(
     # Axes, and points on them with the tip's as the last, at the ring's zero.
     turn, at = _EYE, _EYE[0] * 0
     axes, places = list[Vector](), list[Vector]()
-    for rotation, shift in zip(geometry.rotation, geometry.translation, strict=True):
+    placements = zip(geometry.rotation, geometry.translation, strict=True)
+    for j, (rotation, shift) in enumerate(placements):
         at = at + turn @ np.array(shift)
         turn = turn @ np.array(rotation)
         places.append(at)
         axes.append(turn[:, 2])
+        if j in turning and _apart(axes[j], axes[turning[0]]):
+            return None  # as most chains do early
     normal = axes[turning[0]]
-    if any(axes[j] @ normal if prismatic[j] else _apart(axes[j], normal) for j in range(n)):
+    if any(axes[j] @ normal for j in range(n) if prismatic[j]):
         return None
     # Of the rows: directions of the plane at right angles to theirs, fixed on the base or the tip.
     tip = turn @ np.array(geometry.tip_rotation)
