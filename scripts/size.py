@@ -10,8 +10,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (34_896, 30_000),
-    "Python in src: lines": (67_485, 56_000),
+    "Python in src: statements": (34_899, 30_000),
+    "Python in src: lines": (67_488, 56_000),
     "C++, JavaScript, templates, styles: lines": (10_898, 9_500),
     "modules": (137, 220),
     "packages directly under pinsing": (15, 16),
