@@ -12,7 +12,6 @@ import os
 import re
 import shutil
 import signal
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -153,26 +152,19 @@ def test_two_at_once(tmp_path: Path) -> None:
         folder.save(0, RECORD)
 
 
-def test_a_full_disk_is_an_error_and_loses_nothing(tmp_path, monkeypatch):
-    arm, out = arms.ur5(), tmp_path / "run"
-    real, count = os.fsync, 0
+def test_a_full_disk_is_an_error_and_loses_nothing(whole, tmp_path, monkeypatch):
+    room, fsync = iter(range(10)), os.fsync
 
     def full(handle: int) -> None:
-        nonlocal count
-        count += 1
-        if count > 10:
+        if next(room, None) is None:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        real(handle)
+        fsync(handle)
 
     monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(OutputError, match=r"No space left on device; the 3 of 6 chunks .* safe"):
-        sigma_map(arm, count=6 * BLOCK, chunk=1, out=out)
+    with pytest.raises(OutputError, match=r"No space left on device; the 3 of 4 chunks .* safe"):
+        mapped(tmp_path / "run")
     monkeypatch.undo()
-    assert len(list((out / "chunks").iterdir())) == 3
-    told: list[str] = []
-    again = sigma_map(arm, count=6 * BLOCK, chunk=1, out=out, tell=told.append)
-    assert told == ["3 of 6 chunks were done before"]
-    assert again.to_json() == sigma_map(arm, count=6 * BLOCK, chunk=1).to_json()
+    assert resume(tmp_path / "run", whole) == ["3 of 4 chunks were done before"]
 
 
 @pytest.mark.slow
@@ -253,35 +245,20 @@ def test_all_values_are_kept_on_request(tmp_path: Path) -> None:
     assert result.plan.chunk == BLOCK
 
 
-@pytest.mark.slow
-def test_a_sweep_in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys.modules[run_sweep.__module__], "_CHUNK_ON_DISK", 1000)
-    arm = arms.textbook("puma560")
-    plan = plan_sweep(arm, samples=61, levels=3)
-    whole = run_sweep(arm, plan)
-    out = tmp_path / "run"
-
-    stopped: list[int] = []
+def test_a_sweep_in_a_folder(tmp_path: Path) -> None:
+    arm, out = arms.textbook("puma560"), tmp_path / "run"
+    plan = plan_sweep(arm, samples=361)
 
     def stop(done: int, total: int) -> None:
-        stopped.append(done)
-        if len(stopped) == 1:
-            signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
 
-    part = run_sweep(arm, plan, stop, out=out, threads=1)
-    assert not part.complete
-    assert 0 < len(part.curves) < len(whole.curves)
+    assert not run_sweep(arm, plan, stop, chunk=1, out=out, threads=1).complete
     kept = len(list((out / "chunks").iterdir()))  # what had begun was done, and kept
     told: list[str] = []
-    rest = run_sweep(arm, plan, out=out, tell=told.append, threads=1)
-    assert told[0].startswith(f"{kept} of ")
-    assert rest.to_json() == whole.to_json()
-    damaged = out / "chunks" / "000001.npz"
-    damaged.write_bytes(damaged.read_bytes()[:-9])
     named = "batch" if kernel.available() else "pinocchio"  # what auto has taken
-    assert run_sweep(arm, plan, out=out, engine=named).to_json() == whole.to_json()
-    with pytest.raises(OutputError, match="samples is 61 there and 62 here"):
-        run_sweep(arm, plan_sweep(arm, samples=62, levels=3), out=out)
+    rest = run_sweep(arm, plan, chunk=1, out=out, engine=named, tell=told.append)
+    assert told[0].startswith(f"{kept} of ")
+    assert rest.to_json() == run_sweep(arm, plan).to_json()
 
 
 def _ctrl_c_before(function: Callable[..., Any]) -> Callable[..., Any]:
