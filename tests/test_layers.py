@@ -197,6 +197,12 @@ COLD = {
         "",
         "scipy",
     ),
+    # A browser would wait for it in vain.
+    "a page": (
+        "import pinsing; pinsing.Viewer(pinsing.load('planar3r'), skeleton=True).html()",
+        "",
+        "IPython meshcat zmq pinsing.postures",
+    ),
     "families": (command("families", "ur5", "--no-prove"), "3 families", PRINTING),
     "at": (command(*AT), "regular", PRINTING),
     "at, without distances": (

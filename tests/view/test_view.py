@@ -17,7 +17,7 @@ import pinocchio as pin
 import pytest
 from arms import textbook, ur5
 from chromium import open_page, q_of, text
-from command_line import python, run
+from command_line import run
 from dh_arms import dh_text
 from links import get
 from pages import baked
@@ -195,18 +195,6 @@ def test_next_to_a_users_own_visualizer() -> None:
     assert viewer._server is None
     with pytest.raises(OptionError, match="initViewer"):
         Viewer(arm, visualizer=object())
-
-
-@pytest.mark.slow
-def test_a_viewer_brings_nothing_that_a_browser_would_wait_for_in_vain() -> None:
-    code = (
-        "import sys, pinsing.view.viewer as view, pinsing\n"
-        "view.Viewer(pinsing.load('urdf/planar3r.urdf'), skeleton=True).html()\n"
-        "late = ('IPython', 'meshcat', 'zmq', 'pinsing.postures')\n"
-        "assert not [name for name in late if name in sys.modules]\n"
-    )
-    root = Path(__file__).parents[2]
-    python("-c", code, cwd=root, check=True)
 
 
 def test_a_taken_port_is_passed_over_or_told_and_given_back_at_the_end() -> None:
