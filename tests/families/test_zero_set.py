@@ -114,8 +114,6 @@ def test_a_small_residual_is_not_yet_on_the_set(rng):
     """1 - cos q1 is 5e-9 at 1e-4: singular points of another set, where a family was, passed."""
 
     class Near:
-        touching = False
-
         def __call__(self, points):
             return np.ones(len(points), dtype=bool)
 
@@ -188,7 +186,7 @@ def test_points_of_touching_equations_are_singular_to_rounding(rng):
     arm = build(rows, task="vx,vy,wx,wy")
     form = closed_form(arm, seconds=60)
     (family,) = (f for f in form.families if f.confirm is not None)
-    assert family.confirm.touching
+    assert not family.also_regular
     assert "regular configurations" not in families_text(form)
     assert len(form.families) > 1
     for q in (family.sample(20, rng), family.points(20, rng)):
