@@ -171,7 +171,7 @@ BOXES = """key => [...document.querySelectorAll(`#${key} math`)].filter(m => m.c
 LOWER = """key => [...document.querySelectorAll(`#${key} msub`)].filter(m => m.checkVisibility())
     .map(m => {
         const [base, index] = [...m.children].map(c => c.getBoundingClientRect());
-        return index.bottom > base.bottom && index.left > base.left && index.height <= base.height;
+        return index.top > base.top && index.left > base.left && index.height <= base.height;
     })"""
 VERDICTS = """() => Object.fromEntries([...document.querySelectorAll('strong')]
     .map(e => [e.textContent, getComputedStyle(e).backgroundColor]))"""

@@ -194,7 +194,7 @@ def test_the_kernel_under_two_sanitizers() -> None:
     """Of addresses, and of undefined behaviour."""
     if reason := script("fuzz.sanitize").missing():
         pytest.skip(reason)
-    files = ("batch/test_batch.py", "batch/test_batch_roots.py", "kinematics/test_refine.py")
+    files = "batch/test_batch.py", "kinematics/test_refine.py", "proximity/test_clearance.py"
     words = ["--", "-m", "not slow", *(f"tests/{file}" for file in files)]
     env = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")}
     done = python(SCRIPTS / "fuzz" / "sanitize.py", *words, timeout=1500, env=env)

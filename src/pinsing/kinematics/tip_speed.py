@@ -212,7 +212,8 @@ class SpeedJudge:
             share = _over(self._needed(y, v, w), h)
             k = int(share.argmax())
             at_limit = through[k] > 0 if h[k] else _idle(A)
-            joints = tuple(n for n, far in zip(self.arm.joints, at_limit, strict=True) if far)
+            pairs = zip(self.arm.joints, at_limit & (share[k] > 0), strict=True)
+            joints = tuple(name for name, far in pairs if far)
             return float(share[k]), joints, self._direction(y[k], v > 0)
 
         linear, linear_joints, along = worst(1.0, 0.0)
