@@ -22,7 +22,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
 from pinsing.algebra.jacobian_matrix import NearMinors
 from pinsing.families import closed_form
-from pinsing.families.describe import PieceMaker
+from pinsing.families.describe import PieceMaker, SolvedPiece, stated
 from pinsing.families.long_chain import LongChain, ModularPoints, solving_order
 from pinsing.families.zero_set import OwnPoints, SearchBox, draw, peeled, system_of
 from pinsing.kinematics.jacobian import generic_rank, ratios, singular_values, task_jacobians
@@ -196,6 +196,16 @@ def test_joints_at_values_are_there(ten):
         assert p.on(Component(at, tuple(minors[:2]), False, 4))
         assert not p.on(Component({5: (1, 2)}, (), False, 1))
         assert all(p.is_zero(m) for m in minors[:2])  # before the values were put in, too
+
+
+def test_joints_at_values_alone_are_singular_throughout_or_not_at_all():
+    arm = load("ur5")
+    maker = maker_of(arm)
+    maker.confirm = OwnPoints(maker.geometry.arm)
+    for values, doubted in (({4: (1, 0)}, False), ({4: (1, 1)}, True)):  # the wrist; 90 degrees
+        place = Component(values, (), False, 1)
+        piece = SolvedPiece((maker.branch_of(values, ()),), (), True, 1, place)
+        assert stated([piece], maker, arm).also_regular is doubted
 
 
 def test_no_order_no_points(ten):

@@ -794,6 +794,11 @@ def stated(group: Sequence[SolvedPiece], maker: PieceMaker, arm: Arm) -> Family:
     involved = sorted({j for b in branches for j in b.involved})
     # Long equations that stand alone on a branch: those leave the other joints free.
     forms = [long_form(b.equations[0]) for b in branches if len(b.equations) == 1]
+    # Joints at values alone are singular throughout where they are it at one random place.
+    confirm, drawn = maker.confirm, np.random.default_rng(SEED).uniform(-3.0, 3.0, (1, arm.n))
+    unsure = confirm is not None and any(
+        b.equations or not confirm(b.put(drawn, arm.space))[0] for b in branches
+    )
     return Family(
         name="",
         text=statement(branches, solved, maker.symbols, prismatic),
@@ -817,7 +822,7 @@ def stated(group: Sequence[SolvedPiece], maker: PieceMaker, arm: Arm) -> Family:
         length_scale=arm.length_scale,
         components=tuple(p.component for p in group),
         confirm=maker.confirm,
-        also_regular=maker.confirm is not None,
+        also_regular=unsure,
         solved=tuple(dict.fromkeys(form for form in forms if form is not None)),
         arm=arm,
     )

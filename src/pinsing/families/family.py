@@ -246,7 +246,8 @@ class Family(JsonResult):
         written to JSON.
     also_regular : bool
         Whether equations, those of neighbouring axes or of slices, may hold at regular
-        configurations too. Of a family read from a file nobody knows then which points are its own.
+        configurations too; joints at values alone are singular throughout. Of a family read from a
+        file nobody knows then which points are its own.
     solved : tuple of SolvedFor
         Its long equations, each solved for a joint that enters once.
     at_once : tuple of AtOnce
