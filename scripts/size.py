@@ -10,14 +10,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (34_900, 30_000),
-    "Python in src: lines": (67_489, 56_000),
+    "Python in src: statements": (34_902, 30_000),
+    "Python in src: lines": (67_495, 56_000),
     "C++, JavaScript, templates, styles: lines": (10_898, 9_500),
     "modules": (137, 220),
     "packages directly under pinsing": (15, 16),
     "numbers in module constants": (492, 500),
     "names exported by pinsing": (32, 32),
-    "lines of tests": (27_998, 28_000),
+    "lines of tests": (28_008, 28_000),
     "lines of text files of tests": (10_100, 10_100),
     "words of Markdown, changelog excluded": (39_999, 40_000),
     "CHANGELOG.md: lines": (150, 150),
