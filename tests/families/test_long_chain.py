@@ -199,13 +199,11 @@ def test_joints_at_values_are_there(ten):
 
 
 def test_joints_at_values_alone_are_singular_throughout_or_not_at_all():
-    arm = load("ur5")
-    maker = maker_of(arm)
+    maker = maker_of(arm := load("ur5"))
     maker.confirm = OwnPoints(maker.geometry.arm)
-    for values, doubted in (({4: (1, 0)}, False), ({4: (1, 1)}, True)):  # the wrist; 90 degrees
-        place = Component(values, (), False, 1)
-        piece = SolvedPiece((maker.branch_of(values, ()),), (), True, 1, place)
-        assert stated([piece], maker, arm).also_regular is doubted
+    for at, doubted in (({4: (1, 0)}, False), ({4: (1, 1)}, True)):  # the wrist; 90 degrees
+        one = SolvedPiece((maker.branch_of(at, ()),), (), True, 1, Component(at, (), False, 1))
+        assert stated([one], maker, arm).also_regular is doubted
 
 
 def test_no_order_no_points(ten):

@@ -299,9 +299,8 @@ def test_mimic_joints_have_no_axis_of_their_own():
     assert found.reason == "joints 1 and 2 can move together with the tip at rest"
     # A follower that turns twice as far is at its limit at half of the leader's speed.
     arm.model.velocityLimit[:] = 3, 4, 1
-    slower = coupled(arm, follows * [[1], [1], [-2]], np.zeros(3))
-    assert SpeedJudge(slower).limits.tolist() == [3, 0.5]
-    assert SpeedJudge(slower).reason == ""
+    slower = SpeedJudge(coupled(arm, follows * [[1], [1], [-2]], np.zeros(3)))
+    assert (slower.limits.tolist(), slower.reason) == ([3, 0.5], "")
 
 
 @pytest.mark.parametrize("compiled", [True, False])

@@ -306,18 +306,14 @@ def test_a_line_turns_the_tool_the_shortest_way():
         pinsing.check_line(ur5.with_task("vx@tip"), q, goal)
 
 
-def test_the_command_line_takes_it():
-    how = "--tool-axis z", "--task tool-axis", "--task tool-axis --tool-axis z"
-    said = [json.loads(run("families", "puma560", "-o", "-", *w.split()).stdout) for w in how]
-    assert {form["arm"]["task"] for form in said} == {"tool-axis"}
-    assert said[0]["families"] == said[1]["families"] == said[2]["families"]
-
-
-def test_the_command_for_welders_keeps_where_the_tool_points() -> None:
+def test_the_command_line_takes_it_as_the_command_for_welders_does() -> None:
     page = (Path(__file__).parents[2] / "docs/how-to/all-singularities.md").read_text("utf-8")
-    shown = page.split("welding torch")[1].split("$ pinsing ")[1].split("\n")[0].split()
-    found = json.loads(run(*shown, "-o", "-").stdout)
-    assert found["arm"]["task"] == "tool-axis"
+    shown = page.split("welding torch")[1].split("$ pinsing ")[1].split("\n")[0]
+    how = "--tool-axis z", "--task tool-axis", "--task tool-axis --tool-axis z"
+    every = [shown, *(f"families puma560 {words}" for words in how)]
+    said = [json.loads(run(*words.split(), "-o", "-").stdout) for words in every]
+    assert {form["arm"]["task"] for form in said} == {"tool-axis"}
+    assert said[1]["families"] == said[2]["families"] == said[3]["families"]
 
 
 TASKS = ("pose", "position", "orientation", "vx", "vx,wz", "vz,wx")

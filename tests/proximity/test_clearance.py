@@ -213,7 +213,6 @@ def test_families_out_of_reach_do_not_count_within_limits() -> None:
     form = closed("z1")
     assert [f.reachability for f in form.families][:2] == ["not reachable"] * 2
     q = form.families[2].witness
-    assert q is not None
     inside = pinsing.clearance(form, q, within_limits=True)
     assert str(inside.nearest) == "F3"
     assert inside.lower <= 1e-9
