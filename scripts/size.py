@@ -17,7 +17,7 @@ LIMITS: dict[str, tuple[int, int]] = {
     "packages directly under pinsing": (15, 16),
     "numbers in module constants": (492, 500),
     "names exported by pinsing": (32, 32),
-    "lines of tests": (28_008, 28_000),
+    "lines of tests": (28_000, 28_000),
     "lines of text files of tests": (10_100, 10_100),
     "words of Markdown, changelog excluded": (39_999, 40_000),
     "CHANGELOG.md: lines": (150, 150),
