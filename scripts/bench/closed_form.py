@@ -163,7 +163,7 @@ def work(
     """Body of the child process: the time without imports and loading."""
     import sympy  # noqa: F401
 
-    geometry = nominal(load(**chosen), rational=True)
+    geometry = nominal(load(**chosen))
     rows = geometry.arm.task.rows
     started = time.perf_counter()
     task(geometry, rows)

@@ -659,8 +659,7 @@ def _hints(
             "true; more time (--seconds) may give these"
         )
     # Equations of neighbouring axes, or of slices, may be zero at regular configurations, too.
-    asked = [f for f in form.families if f.also_regular]
-    if names := [f.name for f in asked if any(b.equations for b in f.branches)]:
+    if names := [f.name for f in form.families if f.also_regular]:
         yield (
             f"equations of {', '.join(names)}: they may hold at some regular configurations, too; "
             f"singular are those at which the rank drops below {form.generic_rank}, for which "

@@ -46,7 +46,8 @@ class TipSpeeds:
         m/s, with the orientation held if the task has rows of it; infinite if the task has no
         translation.
     linear_joints : tuple of str
-        The limiting joint; of a redundant arm those that are at their limits together.
+        The limiting joint; of a redundant arm those that are at their limits together; none
+        where the speed is infinite.
     linear_direction : (3,) array
         The direction in which no more is possible, base axes (tip axes for a task in these).
     angular, angular_joints, angular_direction
