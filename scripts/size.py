@@ -10,7 +10,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (34_902, 30_000),
+    "Python in src: statements": (34_901, 30_000),
     "Python in src: lines": (67_495, 56_000),
     "C++, JavaScript, templates, styles: lines": (10_898, 9_500),
     "modules": (137, 220),
